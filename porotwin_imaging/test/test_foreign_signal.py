@@ -55,13 +55,6 @@ def test_without_a_colour_the_sign_is_checked() -> None:
     assert not without_foreign_signal(change(-0.4, 0.3, -0.4), ALL, None)[0][SQUARE].any()
 
 
-def test_a_photograph_of_another_fluid_is_refused() -> None:
-    ratio = np.zeros((*SHAPE, 3))
-    ratio[:, :30] = [0.6, -0.2, -0.3]
-    with pytest.raises(InputError, match=r'what tracer cannot make on .* % of the sand'):
-        without_foreign_signal(ratio, ALL, None)
-
-
 def test_a_ph_indicator_is_no_clean_sand(baseline, laboratory, no_tracer, make_jpeg) -> None:
     light = laboratory.scene(no_tracer)
     rows, columns = np.mgrid[: light.shape[0], : light.shape[1]]

@@ -47,7 +47,7 @@ def photographs(
     taken = []
     for true in model(factor, dispersivity_m):
         blurred = cv2.GaussianBlur(true, (0, 0), 1.0)
-        signal = np.interp(blurred, concentration_of('exponential', signals, bend), signals)
+        signal = np.interp(blurred, concentration_of(signals, bend), signals)
         kept = np.exp(-STOCK * signal) if contrast == 'absorbance' else 1 - STOCK * signal
         light = cv2.GaussianBlur(kept, (0, 0), 1.0)
         logs = cv2.resize(np.log(light), CELLS, interpolation=cv2.INTER_AREA)

@@ -36,25 +36,17 @@ def test_the_chart_corrects_another_exposure(
     assert line == f'{gain:.2g} times the light of the baseline: corrected by the colour chart'
 
 
-@pytest.mark.parametrize('gain', [0.5, 1.5])
-def test_without_a_chart_most_of_the_sand_corrects_another_exposure(
-    without_chart, laboratory, truth, relative_error, gain: float
+@pytest.mark.parametrize('gain', [0.5, 1.5, 6.0])
+def test_without_a_chart_another_exposure_is_refused(
+    without_chart, laboratory, truth, gain: float
 ) -> None:
-    found = concentration_map(laboratory.photograph(truth, gain=gain), without_chart)
-    assert relative_error(found.values, truth) < 0.08
-    assert found.suspicious
-    assert any(line.startswith(f'{gain:.2g} times') for line in found.status)
-
-
-def test_without_a_chart_an_exposure_far_off_is_refused(without_chart, laboratory, truth) -> None:
     with pytest.raises(InputError, match=r'times the light of its baseline|over-exposed|brighter'):
-        concentration_map(laboratory.photograph(truth, gain=6.0), without_chart)
+        concentration_map(laboratory.photograph(truth, gain=gain), without_chart)
 
 
 def test_a_rig_full_of_tracer_is_not_taken_for_another_exposure(
     without_chart, laboratory, no_tracer
 ) -> None:
-    """All sand is darker alike, but the frame beside it is not."""
     with pytest.raises(InputError, match='times the light of its baseline'):
         concentration_map(laboratory.photograph(np.ones_like(no_tracer)), without_chart)
 
@@ -92,9 +84,7 @@ def test_a_reflection_on_the_chart_alone_is_no_haze(
     (left, top), (right, low) = corners.min(axis=0).astype(int), corners.max(axis=0).astype(int)
     light[top - 9 : low + 9, left - 9 : right + 9] += 0.1
     found = concentration_map(make_jpeg(light), baseline)
-    assert found.status == [
-        'haze or a reflection on the colour chart, but not on the sand: not corrected'
-    ]
+    assert found.status == []
     assert relative_error(found.values, truth) < 0.06
 
 
@@ -113,7 +103,7 @@ def test_a_flash_is_refused_and_a_small_reflection_left_out(
     rows, columns = np.mgrid[: light.shape[0], : light.shape[1]]
     distance = np.hypot(columns - 620, rows - 300)
     flash = light * (1.0 + 1.0 * np.exp(-((distance / 150) ** 2)))[..., None]
-    with pytest.raises(InputError, match=r'is brighter than its baseline on .* of the sand'):
+    with pytest.raises(InputError, match=r'is brighter than its baseline.* of the sand'):
         concentration_map(make_jpeg(flash), baseline)
     reflection = light * (1.0 + 0.6 * np.exp(-((distance / 30) ** 2)))[..., None]
     found = concentration_map(make_jpeg(reflection), baseline)

@@ -44,7 +44,7 @@ _CHART_FRAME = 1.35
 _GRAIN_SIGMA, _GRAINS_WINDOW = 2.0, (11, 11)
 """Grains are finer than this blur; their brightness and contrast are averaged over this window
 [samples]."""
-_LEAST_VALUE = 1e-3
+LEAST_VALUE = 1e-3
 """Linear light is raised by this before it divides or its logarithm is taken.
 Spreads of log colours are not smaller."""
 _DEVIATION_WINDOW = 41
@@ -136,7 +136,7 @@ def texture(colours: Array) -> Array:
     grey = colours.mean(axis=2)
     grains = grey - cv2.GaussianBlur(grey, (0, 0), _GRAIN_SIGMA)
     variance = np.maximum(cv2.blur(grains**2, _GRAINS_WINDOW), 0.0)
-    return np.sqrt(variance) / (cv2.blur(grey, _GRAINS_WINDOW) + _LEAST_VALUE)
+    return np.sqrt(variance) / (cv2.blur(grey, _GRAINS_WINDOW) + LEAST_VALUE)
 
 
 def _water(colours: Array) -> Mask:
@@ -184,7 +184,7 @@ def _surface(colours: Array, depth: Array) -> Array:
     """
     rows, columns = colours.shape[:2]
     lag = _SURFACE_LAG
-    logs = np.log(cv2.blur(colours, (9, 1)) + _LEAST_VALUE)
+    logs = np.log(cv2.blur(colours, (9, 1)) + LEAST_VALUE)
     change = np.zeros((rows, columns), np.float32)
     change[lag:-lag] = np.abs(logs[2 * lag :] - logs[: -2 * lag]).sum(axis=2)
     below = np.arange(rows)[:, None] - depth[None, :]
@@ -211,7 +211,7 @@ def _surface(colours: Array, depth: Array) -> Array:
 
 def _objects(colours: Array, hidden: Mask, width_m: float) -> Mask:
     """Return tubes and similar objects: connected places whose colour differs from the sand."""
-    logs = np.log(cv2.blur(colours, (3, 3)) + _LEAST_VALUE)
+    logs = np.log(cv2.blur(colours, (3, 3)) + LEAST_VALUE)
     hue = np.stack([logs[..., 2] - logs[..., 1], logs[..., 0] - logs[..., 1]], axis=-1)
     deviation = _deviation(hue)
     deviation[hidden] = 0.0
@@ -240,7 +240,7 @@ def _deviation(hue: Array) -> Array:
         SPREAD_PER_DEVIATION * _local_median(np.abs(plane - middle), size)
         for plane, middle in zip(planes, around, strict=True)
     ]
-    spread = [np.maximum(one, max(0.5 * float(np.median(one)), _LEAST_VALUE)) for one in spread]
+    spread = [np.maximum(one, max(0.5 * float(np.median(one)), LEAST_VALUE)) for one in spread]
     nearest = np.full(hue.shape[:2], np.inf, np.float32)
     for down, right in ((0, 0), (size // 2, 0), (-size // 2, 0), (0, size // 2), (0, -size // 2)):
         squares = [

@@ -27,8 +27,9 @@ from porotwin_imaging.photograph.linear_light import linear_light
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_COMPARED = 4
-"""Photographs that are compared, evenly spread: a hand is not in the same place in all of them."""
+COMPARED = 5
+"""Photographs that stand for an experiment, evenly spread, from small to large plumes: a hand is
+not in the same place in all of them. More cost time."""
 _FEWEST = 2
 """Fewest photographs that can agree with each other."""
 _CLEARER = 2.0
@@ -89,7 +90,7 @@ def _hole(
 
     The count is the number of compared photographs.
     """
-    places = np.linspace(0, len(photographs) - 1, min(len(photographs), _COMPARED))
+    places = np.linspace(0, len(photographs) - 1, min(len(photographs), COMPARED))
     reference: Baseline | None = None
     differs = agree = clearer = blurred = np.ones(1, bool)
     count = 0

@@ -15,8 +15,8 @@ from porotwin_imaging.baseline.edge_search import PARTS
 
 Array = NDArray[Any]
 
-_DEEPEST, _MOST_FRAME = 0.12, 0.1
-"""A frame is searched down to the first share of the rig; a deeper one is a shadow [-]."""
+_DEEPEST = 0.1
+"""A frame is searched down to this share of the rig; a deeper one is a shadow [-]."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def _bow(unlit: NDArray[np.bool_]) -> float:
     reach = max(2, int(_DEEPEST * unlit.shape[0]))
     depth = unlit[:reach].sum(axis=0) / unlit.shape[0]
     parts = np.array([np.median(part) for part in np.array_split(depth, PARTS)])
-    if parts[1:-1].max() > _MOST_FRAME:
+    if parts[1:-1].max() >= reach / unlit.shape[0]:
         return np.nan
     inner = slice(1, -1)  # the outer parts see the frame of the neighbouring side
     bend, _, _ = np.polyfit(np.linspace(-1, 1, PARTS)[inner], parts[inner], 2)

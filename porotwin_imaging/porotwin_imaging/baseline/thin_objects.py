@@ -26,9 +26,8 @@ class ThinObjectSettings:
     """Tubes and cables that were laid before the sand after the baseline (`thin_objects.py`)."""
 
     core: float = 6.0
-    """Scatter in a block relative to its surroundings that shows an object [-]."""
-    edge: float = 4.0
-    """The same for the blocks between [-]."""
+    """Scatter in a block relative to its surroundings that shows an object [-]; half of it in the
+    blocks between."""
     least_length: float = 14.0
     """Length of an object [blocks]. In ordinary photographs blocks join to at most 11."""
     least_seeds: float = 0.5
@@ -43,8 +42,6 @@ Mask = NDArray[np.bool_]
 
 _AROUND = 15
 """Blocks across the surroundings whose median scatter is the ordinary one."""
-_LEAST_ORDINARY = 0.5
-"""The ordinary scatter is raised to this, relative to the median of the photograph [-]."""
 _LEAST_SCATTER = 1e-4
 """The ordinary scatter is raised to this relative variance: no camera has less noise than 1 %."""
 
@@ -60,7 +57,7 @@ def thin_objects(blocks: BlockSums) -> Mask:
     unexplained = scatter / np.maximum(step**2 / 4.0, SMALLEST_DIVISOR)
     edge, core = (
         judged & (unusual > limit) & (unexplained > limit / 2)
-        for limit in (THIN_OBJECTS.edge, THIN_OBJECTS.core)
+        for limit in (THIN_OBJECTS.core / 2, THIN_OBJECTS.core)
     )
     joined = cv2.morphologyEx(edge.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
@@ -96,4 +93,4 @@ def _ordinary(scatter: Array, judged: Mask) -> Array:
     top = max(float(np.percentile(root[judged], TOP_PERCENTILE)), SMALLEST_DIVISOR)
     levels = np.clip(root / top * 255, 0, 255).astype(np.uint8)
     median = (cv2.medianBlur(levels, _AROUND) / 255.0 * top) ** 2
-    return np.maximum(median, max(_LEAST_ORDINARY * middle, _LEAST_SCATTER))
+    return np.maximum(median, _LEAST_SCATTER)

@@ -28,6 +28,7 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 from porotwin_imaging.baseline.baseline import Baseline
+from porotwin_imaging.baseline.covered_baseline import COMPARED
 from porotwin_imaging.baseline.sand_edges import sand_edges
 from porotwin_imaging.calibrating import sands
 from porotwin_imaging.calibrating.calibration_evidence import (
@@ -539,7 +540,7 @@ def _compared_fronts(line: MassLine, injected: Sequence[float]) -> list[int]:
         for number, volume in enumerate(injected)
         if line.agree[number] and volume > FRONTS.least_share * max(injected)
     ]
-    places = np.linspace(0, len(useful) - 1, min(len(useful), FRONTS.most_photographs))
+    places = np.linspace(0, len(useful) - 1, min(len(useful), COMPARED))
     return [useful[place] for place in np.round(places).astype(int)]
 
 

@@ -33,13 +33,9 @@ class TrustSettings:
     Porosity, depth and sorption of a rig are rarely known better than to 10 %, a pump log is.
     """
 
-    most_mass_factor: float = 1.25
-    """Largest ratio of tracer in the plume to injected tracer, either way [-]. The core gives the
-    level of stock, so that the maps are right up to it; beyond it the log is of something else."""
-    most_filled_factor: float = 1.15
-    """The same for the pores that the plume fills, where no core tells the level of stock [-]. Then
-    the pump log alone gives the scale, so that it must agree better. A plume too small for a core
-    seems larger than it is."""
+    most_mass_factor: float = 1.2
+    """Largest ratio of injected tracer to that in the plume, or to the pores that it fills where no
+    core tells the level of stock, either way [-]. Beyond it the log is of something else."""
     sure_deviations: float = 2.0
     """Standard deviations from which a difference is told [-]."""
     told_share: float = 1 / 3
@@ -180,8 +176,7 @@ def _amount(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Rem
     """Yield an objection if plume and pump log do not hold the same amount of tracer."""
     measured = evidence.anchor in ('core', 'dilutions')
     factor = evidence.mass_factor if measured else plume.filled
-    allowed = TRUST.most_mass_factor if measured else TRUST.most_filled_factor
-    if not factor > 0 or abs(math.log(factor)) <= math.log(allowed):
+    if not factor > 0 or abs(math.log(factor)) <= math.log(TRUST.most_mass_factor):
         return
     more = factor < 1
     volumes = f'{ML * plume.fluid:.3g} ml injected'

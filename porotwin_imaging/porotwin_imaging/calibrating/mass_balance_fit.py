@@ -28,21 +28,20 @@ class MassBalanceSettings:
     tell the bend from the factor of all volumes."""
     log_error: float = 0.012
     """Relative deviation of the injected mass in the pores [-]: pumps, porosity and depth as a
-    careful laboratory knows them. Larger differences occur, so its distribution has wide tails."""
+    careful laboratory knows them. Larger differences occur, so its distribution has wide tails. As
+    well known are dilutions, and the mass at zero injection relative to the largest injected one:
+    dead volume of the tubes, remaining light."""
     most_factor: float = 5.0
     """Largest ratio of imaged to injected mass that is considered, and its inverse smallest."""
     photograph_error: float = 0.005
-    """Relative deviation of the mass in one photograph [-], from light and noise."""
-    common_error: float = 0.003
-    """The same relative to the largest injected mass."""
+    """Deviation of the mass in one photograph, relative to it and to the largest injected mass [-]:
+    light and noise."""
     independent_photographs: int = 12
     """More photographs tell the bend no better than this number: neighbours share the error of
     their light."""
-    offset_error: float = 0.01
-    """Deviation of the mass at zero injection, relative to the largest injected mass [-]: dead
-    volume of the tubes, remaining light."""
     faulty_offset: float = 0.06
-    """The same in an experiment with a fault [-]: a clock that is minutes off, a reflection."""
+    """The deviation at zero injection in an experiment with a fault [-]: a clock that is minutes
+    off, a reflection."""
     fault_share: float = 0.05
     """Share of the experiments that have such a fault [-]."""
     expected_bend: float = -0.02
@@ -51,8 +50,6 @@ class MassBalanceSettings:
     bend_deviation: float = 0.07
     """Standard deviation of the bend before any evidence [-]: dyes differ. A narrow one would pull
     strong bends, which fronts or dilutions tell, towards the straight line."""
-    dilution_error: float = 0.01
-    """Standard deviation of the concentration in a photograph of a known dilution [-]."""
 
 
 MASS_BALANCE = MassBalanceSettings()
@@ -96,19 +93,19 @@ def fit_line(
     """
     seen, volume = np.asarray(imaged, float), np.asarray(injected, float)
     largest = float(volume.max())
-    error = np.hypot(MASS_BALANCE.photograph_error * volume, MASS_BALANCE.common_error * largest)
+    error = MASS_BALANCE.photograph_error * np.hypot(volume, largest)
     limit = CORE.outlier * largest
     agree = np.ones(len(seen), bool)
-    factor, offset, spread = _line(seen, volume, error, MASS_BALANCE.offset_error * largest)
+    factor, offset, spread = _line(seen, volume, error, MASS_BALANCE.log_error * largest)
     for _ in range(ROUNDS):
         distance = np.abs(seen - factor * volume - offset)
         weight = error * np.sqrt(np.maximum(distance, limit / 3) / (limit / 3))
-        factor, offset, spread = _line(seen, volume, weight, MASS_BALANCE.offset_error * largest)
+        factor, offset, spread = _line(seen, volume, weight, MASS_BALANCE.log_error * largest)
     distance = seen - factor * volume - offset
     agree = np.abs(distance) <= limit
     if agree.sum() >= 2:
         factor, offset, spread = _line(
-            seen[agree], volume[agree], error[agree], MASS_BALANCE.offset_error * largest
+            seen[agree], volume[agree], error[agree], MASS_BALANCE.log_error * largest
         )
         distance = seen - factor * volume - offset
     misfit = float(np.sqrt(np.mean((distance[agree] / largest) ** 2))) if agree.any() else np.inf

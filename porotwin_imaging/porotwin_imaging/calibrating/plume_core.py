@@ -13,16 +13,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.tracer.tracer_colour import FEWEST_CELLS
+
 
 @dataclass(frozen=True)
 class CoreSettings:
     """Finding the core of a plume (`plume_core.py`)."""
 
-    edge_share: float = 0.4
-    """The edge of a plume lies at this share of the strong signal [-]. Stock in fine sand gives
-    about half the signal of stock in coarse sand."""
-    fewest_cells: int = 40
-    """Cells of a core, or of tracer: their median is known to 1 % while grains scatter by 5 %."""
     plateau_share: float = 0.88
     """Cells of the core exceed this share of its top [-]. Paler plumes beside it are no core."""
     least_share: float = 0.3
@@ -51,10 +48,12 @@ _OPENING = np.ones((3, 3), np.uint8)
 """Smaller specks are no plume."""
 _SMOOTH = (3, 3)
 """Cells whose mean decides about the level of a cell: grains are uneven."""
-_STRONG_PERCENTILE, _TOP_PERCENTILE = 90.0, 95.0
-"""Percentiles of the strong and of the deep cells that count as their top."""
+_TOP_PERCENTILE = 90.0
+"""Percentile of the strong and of the deep cells that counts as their top."""
 STRONG_SHARE = 0.3
-"""Cells above this share of the largest signal are strong [-]."""
+"""Cells above this share of the largest signal are strong, and the edge of a plume lies at this
+share of the strong signal [-]. Stock in fine sand gives about half the signal of that in coarse
+sand. Paler tracer at an interface has often not entered the finer sand."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ def strong_signal(signals: Sequence[Array]) -> float:
     if top <= 0:
         return 0.0
     strong = np.concatenate([plane[plane > STRONG_SHARE * top] for plane in smooth])
-    return float(np.percentile(strong, _STRONG_PERCENTILE))
+    return float(np.percentile(strong, _TOP_PERCENTILE))
 
 
 def plume_depth(signal: Array, strong: float) -> Array:
@@ -93,7 +92,7 @@ def plume_depth(signal: Array, strong: float) -> Array:
 
     Hidden cells are outside. `strong`: the strong signal of the photographs.
     """
-    plume = np.nan_to_num(signal) > CORE.edge_share * strong
+    plume = np.nan_to_num(signal) > STRONG_SHARE * strong
     opened = cv2.morphologyEx(plume.astype(np.uint8), cv2.MORPH_OPEN, _OPENING)
     return np.asarray(cv2.distanceTransform(opened, cv2.DIST_L2, 5))
 
@@ -110,11 +109,11 @@ def find_core(signal: Array, depth: Array) -> Core | None:
     levels: list[tuple[int, Mask, float]] = []
     for least in range(1, int(depth.max()) + 1):
         deep = (depth >= least) & np.isfinite(signal)
-        if deep.sum() < CORE.fewest_cells:
+        if deep.sum() < FEWEST_CELLS:
             break
         top = float(np.percentile(smooth[deep], _TOP_PERCENTILE))
         cells = deep & (smooth > CORE.plateau_share * top)
-        if cells.sum() < CORE.fewest_cells:
+        if cells.sum() < FEWEST_CELLS:
             break
         levels.append((least, cells, float(np.median(filled[cells]))))
     if not levels:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule, ScheduleRow
 from porotwin_core.rig import Rig
-from porotwin_imaging.calibrating.plume_core import CORE
+from porotwin_imaging.tracer.tracer_colour import FEWEST_CELLS
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -139,7 +139,7 @@ def _outline(region: Mask) -> Mask:
     for contour in contours:
         part = np.zeros(region.shape, np.uint8)
         cv2.drawContours(part, [contour], -1, 1, cv2.FILLED)
-        if region[part > 0].sum() >= CORE.fewest_cells:
+        if region[part > 0].sum() >= FEWEST_CELLS:
             filled |= part
     return np.asarray(cv2.dilate(filled, np.ones((2 * _MARGIN_CELLS + 1,) * 2, np.uint8)) > 0)
 
@@ -178,7 +178,7 @@ def _filled(regions: Sequence[Mask], fluids: Sequence[float], rig: Rig, grid: Gr
     ratios = [
         float(volume[region].sum()) / fluid
         for region, fluid in zip(regions, fluids, strict=True)
-        if region.sum() >= CORE.fewest_cells and fluid > 0 and fluid >= _HALF * max(fluids)
+        if region.sum() >= FEWEST_CELLS and fluid > 0 and fluid >= _HALF * max(fluids)
     ]
     return float(np.median(ratios)) if ratios else math.nan
 

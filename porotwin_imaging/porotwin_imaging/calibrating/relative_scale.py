@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.baseline.baseline import Baseline
-from porotwin_imaging.calibrating.plume_core import CORE, strong_signal
+from porotwin_imaging.calibrating.plume_core import STRONG_SHARE, strong_signal
 from porotwin_imaging.calibrating.stock_level import stock_levels
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
 from porotwin_imaging.tracer.calibration import RELATIVE, Calibration, Response
@@ -62,7 +62,7 @@ def _weights(
     compared: Sequence[LogRatioMap], signal: TracerSignal, strong: float
 ) -> tuple[float, float, float]:
     """Return weights of the channels: each as the strong tracer absorbs its light."""
-    cells = [one.log_ratio[_signal(one, signal) > CORE.edge_share * strong] for one in compared]
+    cells = [one.log_ratio[_signal(one, signal) > STRONG_SHARE * strong] for one in compared]
     absorbed = np.maximum(mean_absorbance(np.concatenate(cells)), 0.0)
     red, green, blue = (float(share) for share in absorbed / absorbed.sum())
     return red, green, blue

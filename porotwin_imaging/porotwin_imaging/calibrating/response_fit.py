@@ -36,8 +36,6 @@ _SIGNAL_EDGES = np.linspace(-0.5, 2.0, 501)
 """Edges of the bins of the relative signal, for the histogram of pore volume [-]."""
 _POINTS = np.linspace(0.0, 1.2, 25)
 """Points of the response curve [relative signal]."""
-_BEND_STEP = 0.005
-"""Change of the bend [-] for the derivative of the curve."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +77,9 @@ class ResponseFit:
 
     def curve(self, level: float) -> Response:
         """Return the response for signals whose stock has the signal `level`."""
-        shifted = [concentration_of(_POINTS, self.bend + sign * _BEND_STEP) for sign in (-1.0, 1.0)]
-        sensitivity = np.abs(shifted[1] - shifted[0]) / (2 * _BEND_STEP)
+        step = _BENDS[1] - _BENDS[0]
+        shifted = [concentration_of(_POINTS, self.bend + sign * step) for sign in (-1.0, 1.0)]
+        sensitivity = np.abs(shifted[1] - shifted[0]) / (2 * step)
         values = np.maximum.accumulate(self.concentration_of(_POINTS))
         return Response(
             tuple(map(float, level * _POINTS)),
@@ -152,7 +151,7 @@ def _dilution_evidence(dilutions: Sequence[Dilution]) -> Array:
     signal = np.array([one.signal for one in dilutions])
     known = np.array([one.concentration for one in dilutions])
     for index, bend in enumerate(_BENDS):
-        misfit = (concentration_of(signal, float(bend)) - known) / MASS_BALANCE.dilution_error
+        misfit = (concentration_of(signal, float(bend)) - known) / MASS_BALANCE.log_error
         logs[index] = -0.5 * float(misfit @ misfit)
     return logs
 
@@ -167,12 +166,12 @@ def _mass_evidence(counts: Array, injected: Array) -> Array:
     largest = injected.max()
     masses = curves @ counts.T / largest  # (bends, photographs)
     volume = injected / largest
-    weight = 1.0 / ((MASS_BALANCE.photograph_error * volume) ** 2 + MASS_BALANCE.common_error**2)
+    weight = 1.0 / (MASS_BALANCE.photograph_error**2 * (volume**2 + 1.0))
     weight *= min(1.0, MASS_BALANCE.independent_photographs / len(injected))
     widest = np.log(MASS_BALANCE.most_factor)
     logs_of_factor = np.linspace(-widest, widest, _FACTORS)
     apart = masses[:, None, :] - np.exp(logs_of_factor)[None, :, None] * volume
-    usual = _over_offsets(apart, weight, MASS_BALANCE.offset_error)
+    usual = _over_offsets(apart, weight, MASS_BALANCE.log_error)
     faulty = _over_offsets(apart, weight, MASS_BALANCE.faulty_offset)
     logs = np.logaddexp(
         usual + np.log1p(-MASS_BALANCE.fault_share), faulty + np.log(MASS_BALANCE.fault_share)

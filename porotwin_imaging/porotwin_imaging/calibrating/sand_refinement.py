@@ -24,7 +24,7 @@ from porotwin_imaging.calibrating.calibration_trust import TRUST
 from porotwin_imaging.calibrating.front_response import FRONTS
 from porotwin_imaging.calibrating.mass_balance_fit import MASS_BALANCE
 from porotwin_imaging.calibrating.plume_core import CORE
-from porotwin_imaging.calibrating.sands import SANDS, SandLevel
+from porotwin_imaging.calibrating.sands import SandLevel
 from porotwin_imaging.calibrating.stock_level import StockLevels, stock_levels
 from porotwin_imaging.photo_to_map import compare_with_baseline
 from porotwin_imaging.tracer.calibration import STOCK, Calibration
@@ -168,8 +168,7 @@ def _with_levels(
         known = guess_error < FRONTS.surest_factor
         if known or abs(apart) > TRUST.sure_deviations * guess_error:
             continue
-        core_error = math.hypot(one.deviation, SANDS.place_error)
-        share = guess_error**2 / (guess_error**2 + core_error**2)
+        share = guess_error**2 / (guess_error**2 + one.deviation**2)
         factors[sand] = before * math.exp(share * apart)
         deviations[sand] = guess_error * math.sqrt(1.0 - share)
         origins[sand] = f'core in {source}'

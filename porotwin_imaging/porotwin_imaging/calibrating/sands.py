@@ -14,11 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.baseline.baseline_mask import LEAST_VALUE
 from porotwin_imaging.calibrating.calibration_evidence import FactorSource
+from porotwin_imaging.calibrating.plume_core import STRONG_SHARE
 from porotwin_imaging.geometry.frame import LARGE_SHARE
-from porotwin_imaging.light.tone_change import FEWEST_SAND_CELLS
 from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.tracer.tracer_colour import FEWEST_CELLS
 
 
 @dataclass(frozen=True)
@@ -36,31 +38,21 @@ class SandSettings:
     """Texture or a description tell an interface to within this many cells, 28 mm on 2.8 m."""
     lamp_texture: float = 0.25
     """Difference of texture across an interface below which it is no edge of a sand [log]."""
-    least_signal: float = 0.3
-    """Signal on both sides of an interface, relative to the strong signal of all sands [-]. Paler
-    tracer at an interface has often not entered the finer sand."""
     pairs_together: int = 12
     """Neighbouring pairs of cells across an interface that share one error: grains, fronts and
     labels extend over cells. Fewer do not determine a factor."""
     jump_error: float = 0.1
-    """Standard deviation of the true jump of the signal at an interface [log]: tracer flows along
-    it on one side only. On composed photographs it is up to 0.17."""
+    """Standard deviation of the true jump of the signal at an interface, where tracer flows along
+    it on one side only, and of the log factors of two parts that the rig describes as one sand:
+    packing, and light that the picture does not tell from sand [log]. On composed photographs jumps
+    are up to 0.17."""
     bright_slope: float = 0.6
     """Fall of the log signal of stock per log of light, for sands brighter than the reference. The
     law of Kubelka and Munk gives 0.5 to 0.8 for reflections of 0.3 to 0.6 and dye that absorbs ten
-    times as much as sand."""
-    dark_slope: float = 0.1
-    """The same for darker sands; the law gives 0.2 for reflections of 0.1 to 0.2, and shadow at an
-    edge is no property of the sand."""
+    times as much as sand; darker sands hardly follow."""
     prior_deviation: float = 0.15
     """Standard deviation of the log factors before any evidence. Those fitted to photographs of the
     large FluidFlower differ by up to 0.3 from the law, those of composed photographs by 0.09."""
-    same_sand_error: float = 0.08
-    """Standard deviation of the log factors of two parts that the rig describes as one sand:
-    packing, and light that the picture does not tell from sand. An estimate."""
-    place_error: float = 0.02
-    """Relative standard deviation of the signal of stock from place to place in a sand [-]. A small
-    core tells only its own place, and water may have thinned it: measured, 0.01."""
     widest_factor: float = 2.5
     """Largest factor of a sand, and inverse of the smallest. Real sands differ by less than 2."""
 
@@ -77,10 +69,6 @@ _CLUSTERING_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e
 _CLUSTERING_TRIALS = 3
 _LAMP_DEGREE = 4
 """Degree of the light of the lamps: 4 follows a lamp on each side and the corners of a lens."""
-_BRIGHTNESS_WEIGHT = 1.5
-"""Weight of brightness against texture and hue; brightness is the sharpest feature."""
-_LEAST_TEXTURE = 1e-3
-"""Texture is raised to this before the logarithm."""
 _JUMP_CELLS = (2, 6)
 """Cells between an interface and the two cells whose colours are extrapolated to it."""
 
@@ -141,16 +129,16 @@ def segment(
         texture: texture of the baseline, shape (nz, nx).
         visible: cells that show sand, shape (nz, nx).
     """
-    if visible.sum() < FEWEST_SAND_CELLS:
+    if visible.sum() < FEWEST_CELLS:
         return np.zeros(visible.shape, np.uint8)
     mean = np.maximum(colours.mean(axis=2), LEAST_LIGHT)
-    brightness, rough = np.log(mean), np.log(np.maximum(texture, _LEAST_TEXTURE))
+    brightness, rough = np.log(mean), np.log(np.maximum(texture, LEAST_VALUE))
     blue = np.log(np.maximum(colours[..., 2], LEAST_LIGHT) / mean)
     # texture and hue hardly depend on the lamps, so that these classes separate sand from light
     first = np.zeros(visible.shape, int)
     first[visible] = _clustered([rough, blue], visible)[1]
     even = brightness - _lamps(brightness, first, visible, SANDS.most_sands)
-    values, classes = _clustered([rough, _BRIGHTNESS_WEIGHT * even, blue], visible)
+    values, classes = _clustered([rough, even, blue], visible)
     labels = np.zeros(visible.shape, np.uint8)
     labels[visible] = _merged(values, classes)
     tidy = _tidy(labels, visible)
@@ -365,7 +353,7 @@ def fit_factors(
         same: pairs that are one sand by the description of the rig (`described_sands`).
     """
     count = int(labels.max()) + 1
-    first, second, jump = _jumps(signals, labels, SANDS.least_signal * strong)
+    first, second, jump = _jumps(signals, labels, STRONG_SHARE * strong)
     pairs = np.bincount(np.concatenate([first, second]), minlength=count)
     reference = _reference(levels, pairs)
     expected = expected_logs(lights, reference)
@@ -415,10 +403,7 @@ def expected_logs(lights: Array, reference: int) -> Array:
         lights: log of the light of each sand, shape (sands,).
         reference: index of the reference sand.
     """
-    brighter = lights - lights[reference]
-    return -SANDS.bright_slope * np.maximum(brighter, 0.0) - SANDS.dark_slope * np.minimum(
-        brighter, 0.0
-    )
+    return -SANDS.bright_slope * np.maximum(lights - lights[reference], 0.0)
 
 
 def _source(
@@ -468,12 +453,10 @@ def _joint_fit(
         relative_to = reference if sand != reference else None
         add(sand, relative_to, float(expected[sand]), SANDS.prior_deviation)
     for sand, one in levels.items():
-        elsewhere = 0.0 if sand == reference else SANDS.place_error
-        deviation = float(np.hypot(one.deviation, elsewhere))
-        add(sand, None, float(np.log(one.level / unit)), deviation)
+        add(sand, None, float(np.log(one.level / unit)), one.deviation)
     for a, b in same:
         if a in levels or b in levels:  # two guesses do not confirm each other
-            add(a, b, 0.0, SANDS.same_sand_error)
+            add(a, b, 0.0, SANDS.jump_error)
     first, second, jump = found
     for a, b in combinations(range(count), 2):
         one_way, other_way = (first == a) & (second == b), (first == b) & (second == a)

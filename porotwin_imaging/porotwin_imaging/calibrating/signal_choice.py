@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
-from porotwin_imaging.calibrating.plume_core import CORE, STRONG_SHARE
-from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS
+from porotwin_imaging.calibrating.plume_core import STRONG_SHARE
+from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS, TOP_PERCENTILE
+from porotwin_imaging.tracer.tracer_colour import FEWEST_CELLS, STRONG_HUE
 from porotwin_imaging.tracer.tracer_signal import (
     Contrast,
     TracerSignal,
@@ -27,14 +28,10 @@ from porotwin_imaging.tracer.tracer_signal import (
 class CalibrationSettings:
     """The calibration from photographs of an injection (`calibration_fit.py`)."""
 
-    least_log_ratio: float = 0.05
-    """A strongest signal below this is no tracer [log ratio]."""
     least_signal: float = 0.002
     """Smoothed signal below which there is no tracer, however even the background is [-]."""
     scale_error: float = 0.025
     """Relative standard deviation of a scale from the pump log [-]: an estimate."""
-    scale_error_without_log: float = 0.1
-    """The same if the strongest signal is taken for tracer stock [-]."""
 
 
 SIGNAL = CalibrationSettings()
@@ -44,8 +41,6 @@ Array = NDArray[Any]
 Labels = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-_STRONG_PERCENTILE = 99.9
-"""Percentile of the log ratios that is the strongest signal; single cells may be noise."""
 _PALE, _DEEP = (0.2, 0.5), (0.8, 1.2)
 """Shares of the strong signal between which cells are pale, and full of tracer [-]."""
 _SINGLE_CHANNELS = tuple(map(tuple, np.eye(3)))
@@ -91,11 +86,11 @@ def choose_signal(
     """
     ratios = np.concatenate([one[seen] for one, seen in zip(log_ratios, visible, strict=True)])
     strength = -ratios.mean(axis=1)
-    strongest = float(np.percentile(strength, _STRONG_PERCENTILE))
+    strongest = float(np.percentile(strength, TOP_PERCENTILE))
     tracer = strength > STRONG_SHARE * strongest
     deviation = float(np.median(np.abs(strength - np.median(strength))))
     quiet = np.abs(strength) < NOISE_SPREADS * deviation + 1e-4
-    if tracer.sum() < CORE.fewest_cells or strongest < SIGNAL.least_log_ratio:
+    if tracer.sum() < FEWEST_CELLS or strongest < STRONG_HUE:
         raise CalibrationRefused(
             'calibration: no photograph shows tracer; use ones of an injection with a dye that '
             'darkens the sand'
@@ -133,10 +128,10 @@ def _colour_bend(contrast: Contrast, ratios: Array) -> float:
     one sand, shape (n, 3).
     """
     red, green, blue = (TracerSignal(contrast, weights).of(ratios) for weights in _SINGLE_CHANNELS)
-    strong = float(np.percentile(red, _STRONG_PERCENTILE))
+    strong = float(np.percentile(red, TOP_PERCENTILE))
     level = float(np.median(red[red > 0.5 * strong]))
     pale, full = ((red > low * level) & (red < high * level) for low, high in (_PALE, _DEEP))
-    if min(pale.sum(), full.sum()) < CORE.fewest_cells:
+    if min(pale.sum(), full.sum()) < FEWEST_CELLS:
         return float('nan')
     changes = [
         abs(np.log(max(_slope(red[pale], other[pale]), 1e-3) / _slope(red[full], other[full])))

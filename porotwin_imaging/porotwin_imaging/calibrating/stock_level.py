@@ -22,9 +22,6 @@ from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
 
-_MOST_WEIGHT = 1000
-"""Cores with more cells than this weigh the same: they differ by light, not by noise."""
-
 
 @dataclass(frozen=True)
 class StockLevels:
@@ -100,7 +97,7 @@ def _level(cores: Sequence[tuple[Core, float]]) -> SandLevel:
     """Return the signal of stock by the cores of one sand and their concentrations."""
     levels = np.array([core.level / concentration for core, concentration in cores])
     cells = np.array([core.cells.sum() for core, _ in cores])
-    middle = float(np.median(np.repeat(levels, np.minimum(cells, _MOST_WEIGHT))))
+    middle = float(np.median(np.repeat(levels, cells)))
     spread = SPREAD_PER_DEVIATION * float(np.median(np.abs(levels - middle))) / middle
     deviation = float(np.hypot(CORE.level_error, spread / np.sqrt(len(levels))))
     return SandLevel(middle, deviation, int(cells.sum()))

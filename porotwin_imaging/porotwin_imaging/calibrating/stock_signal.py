@@ -13,7 +13,7 @@ from porotwin_imaging.calibrating.plume_core import CORE, strong_signal
 from porotwin_imaging.calibrating.sands import SandFactors
 from porotwin_imaging.calibrating.signal_choice import SIGNAL
 from porotwin_imaging.calibrating.stock_level import StockLevels
-from porotwin_imaging.tracer.calibration import STOCK
+from porotwin_imaging.tracer.calibration import STOCK, UNCALIBRATED_ERROR
 
 Array = NDArray[Any]
 
@@ -76,7 +76,7 @@ def find_stock_signal(
     if injected:
         level, deviation = _level_by_mass(integrals, injected, rates_file)
         return StockSignal('mass', level, deviation)
-    return StockSignal('strongest signal', strong_signal(signals), SIGNAL.scale_error_without_log)
+    return StockSignal('strongest signal', strong_signal(signals), UNCALIBRATED_ERROR)
 
 
 def _level_by_mass(

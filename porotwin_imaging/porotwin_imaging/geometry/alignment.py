@@ -35,15 +35,14 @@ class AlignmentSettings:
     patch_px: int = 21
     """Side of a tracked patch [px], several grains wide."""
     closure_px: float = 0.3
-    """A feature tracked forth and back must return to within this distance [px]."""
+    """A feature tracked forth and back must return to within this distance [px]. A homography that
+    leaves more marks a map as suspicious: the picture is deformed."""
     fewest_inliers: int = 40
     """Matches and inliers below which the photograph does not match; a homography needs four."""
     least_inlier_share: float = 0.35
     """Share of the tracked features that must be inliers [-]; other sand matches only by chance."""
     reported_shift_px: float = 2.0
     """Larger shifts of the camera are mentioned in the status [px of the file]."""
-    suspicious_residual_px: float = 0.35
-    """Residual of the homography that marks a map as suspicious [px]: the picture is deformed."""
 
 
 ALIGNMENT = AlignmentSettings()
@@ -268,7 +267,7 @@ def alignment_remarks(alignment: Alignment, reduction: int) -> list[str]:
     remarks = []
     if alignment.shift * reduction > ALIGNMENT.reported_shift_px:
         remarks.append(f'camera has moved by {alignment.shift * reduction:.1f} px: corrected')
-    if alignment.residual > ALIGNMENT.suspicious_residual_px:
+    if alignment.residual > ALIGNMENT.closure_px:
         remarks.append(
             f'alignment leaves {alignment.residual * reduction:.1f} px: the picture is '
             'deformed against the baseline'

@@ -2,7 +2,7 @@
 
 Tracer darkens every colour channel, in the proportions of its dye. A cell whose change has another
 sign or another colour shows something else, and a number there would be read as tracer or as clean
-sand. These cells have no value, and a photograph with many of them is refused.
+sand. These cells have no value.
 
 A dark tube has the wrong colour where it fills a cell, and looks like tracer where it crosses a
 plume or fills half a cell. The dark line through the cells of the wrong colour is left out as well.
@@ -15,9 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.basis.errors import InputError
 from porotwin_imaging.geometry.frame import TOLD_SHARE
-from porotwin_imaging.light.light_check import window_mean
+from porotwin_imaging.light.light_check import REACH, window_mean
 from porotwin_imaging.light.light_drift import LIGHT
 from porotwin_imaging.tracer.tracer_colour import STRONG_HUE, TracerColour, split
 
@@ -53,8 +52,6 @@ _SPECK = (2, 2)
 _GRAINS = 3.0
 """Darkening of a line over the median of all places [-]. Normal noise has a median of about two
 standard deviations there, and hardly a cell is three times as dark."""
-_REACH = (5, 5)
-"""Cells across the surroundings that are left out as well."""
 
 
 def without_foreign_signal(
@@ -70,9 +67,6 @@ def without_foreign_signal(
         visible: cells that show their sand, shape (nz, nx).
         colour: colour of the tracer, None if it is unknown or grey; then only the sign is checked.
         scatter: by how much places of the same light differ between the two photographs [log].
-
-    Raises:
-        InputError: too much of the sand shows something else.
     """
     smooth = window_mean(residual, visible)
     foreign = smooth.max(axis=2) > LIGHT.most_brighter + scatter
@@ -84,16 +78,9 @@ def without_foreign_signal(
     ).astype(bool)
     foreign |= _dark_lines(residual, visible, foreign)
     count = max(1, int(visible.sum()))
-    share = float(foreign.sum() / count)
-    if share > LIGHT.most_foreign_share:
-        raise InputError(
-            f'photograph shows what tracer cannot make on {100 * share:.0f} % of the sand: another '
-            'dye, a pH indicator, gas or coloured light; use a baseline and a calibration of this '
-            'fluid'
-        )
     if not foreign.any():
         return visible, []
-    left_out = cv2.dilate(foreign.astype(np.uint8), np.ones(_REACH, np.uint8)) > 0
+    left_out = cv2.dilate(foreign.astype(np.uint8), REACH) > 0
     lost = float((left_out & visible).sum() / count)
     part = f'{100 * lost:.1f} % of the sand'
     remark = f'{part} has a colour that tracer cannot make: this part is left out'

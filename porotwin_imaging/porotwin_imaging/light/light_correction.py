@@ -21,7 +21,6 @@ from porotwin_imaging.light.foreign_signal import without_foreign_signal
 from porotwin_imaging.light.light_check import (
     drift_remarks,
     exposure_remarks,
-    light_of_most_sand,
     lit_as_baseline,
     refuse_unknown_light,
     spilled_light,
@@ -72,8 +71,6 @@ def corrected_light(
     chart_light: ChartLight | None,
     colour: TracerColour | None,
     below_veil: BelowVeil | None = None,
-    *,
-    beside: ChartLight | None = None,
 ) -> CorrectedLight:
     """Return log ratios without the changes of light.
 
@@ -85,8 +82,6 @@ def corrected_light(
         chart_light: light at the colour chart, or None.
         colour: colour of the tracer from the calibration; if None, the photograph is asked.
         below_veil: takes haze from the samples of the photograph; None: from means of cells.
-        beside: light beside the sand of a rig that names neither a chart nor other places; it may
-            confirm that most of the sand tells another exposure.
 
     Raises:
         InputError: the light cannot be compared with the baseline.
@@ -96,17 +91,13 @@ def corrected_light(
     before, after = (_light(light, sums, seen.shape) for light in (sums.baseline, sums.state))
     checker_gain = None if chart_light is None else chart_light.straight_gain
     scatter = 0.0 if chart_light is None else chart_light.scatter
-    by_sand: list[str] = []
-    if beside is not None and chart_light is None:
-        checker_gain, by_sand = light_of_most_sand(blocks, seen, beside)
     tone = None if chart_light is None else tone_of_chart(chart_light)
     even = scatter <= LIGHT.tolerance  # otherwise neither a tone nor a hue can be told
     if tone is None and even:
         tone = tone_change(blocks, before, after, seen, checker_gain)
     remarks = [] if chart_light is None else exposure_remarks(chart_light)
     if tone is None and chart_light is not None:
-        tone, not_hazy = haze_of_chart(chart_light, blocks, before, seen)
-        remarks += not_hazy
+        tone = haze_of_chart(chart_light, blocks, before, seen)
     if tone is not None:
         if tone.veil is not None and below_veil is not None:
             log_ratio = below_veil(tone.veil)
@@ -138,18 +129,19 @@ def corrected_light(
         comparable=visible & ~left_out,
         drift=drift,
         remarks=remarks,
-        left_out=[*by_sand, *bright, *foreign],
+        left_out=[*bright, *foreign],
     )
 
 
 def _refuse_much_left_out(seen: Mask, comparable: Mask) -> None:
-    """Raise InputError if reflections and other colours hide too much of the sand together."""
+    """Raise InputError if reflections and other colours hide too much of the sand."""
     lost = float((seen & ~comparable).sum() / max(1, seen.sum()))
     if lost > VALIDITY.most_left_out:
         raise InputError(
-            f'photograph is brighter than its baseline, or has colours that tracer cannot make, on '
-            f'or near {100 * lost:.0f} % of the sand: another fluid, gas, or another light; use a '
-            'baseline and a calibration of this fluid and light'
+            'photograph is brighter than its baseline, or has colours that tracer cannot make, '
+            f'on or near {100 * lost:.0f} % of the sand: another exposure, lamp, dye or fluid, '
+            'gas, or a shadow or tracer on the baseline; set exposure and lamps as for the '
+            'baseline, or take a baseline and a calibration of this fluid and light'
         )
 
 

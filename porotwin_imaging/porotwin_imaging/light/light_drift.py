@@ -18,7 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
-from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS, SPREAD_PER_DEVIATION
+from porotwin_imaging.numerics.robust_statistics import (
+    FEW_ROUNDS,
+    NOISE_SPREADS,
+    SPREAD_PER_DEVIATION,
+)
 from porotwin_imaging.numerics.row_bands import row_bands
 
 
@@ -31,12 +35,8 @@ class LightSettings:
     tolerance: float = 0.06
     """Cut-off of Tukey's biweight [log ratio]: cells further from the drift are no background."""
     search_range: float = 0.25
-    """Largest difference between chart and sand that can be light [log ratio]."""
-    told_slope: float = 0.2
-    """Slope of the light over the rig above which a remark tells it [log ratio]. It is below 0.08
-    on rendered and composed photographs."""
-    told_cast: float = 0.08
-    """Difference between the channels that is told [log ratio]; below 0.02 on the same ones."""
+    """Largest difference between chart and sand that can be light [log ratio]. A slope of the light
+    over the rig is told from here on; it is below 0.08 on rendered and composed photographs."""
     most_cells: int = 12_000
     """Cells used of a finer map: the drift varies slowly, a regular subset is enough."""
     histogram_bin: float = 0.01
@@ -44,10 +44,7 @@ class LightSettings:
     most_brighter: float = 0.08
     """Cells that are brighter than the baseline by more show a reflection [log ratio]. On real and
     rendered photographs the averages over 3 x 3 cells stay below 0.022, and below 0.053 in
-    a single channel."""
-    most_foreign_share: float = 0.15
-    """Photographs that are brighter, or have colours without tracer, on more than this share of the
-    sand are refused [-]."""
+    a single channel. From here on a cast, the difference between channels, is told too."""
 
 
 LIGHT = LightSettings()
@@ -55,8 +52,6 @@ LIGHT = LightSettings()
 
 Array = NDArray[Any]
 
-_TRACER_SPREADS = 5.0
-"""Smoothed cells darker than five spreads plus the width of a bin contain tracer."""
 _TRACER_REACH = 25
 """Surroundings of tracer that are not used: this fraction of the width of the rig."""
 _SHAPE_PENALTY = 1e-3
@@ -151,7 +146,7 @@ def _away_from_tracer(residual: Array) -> Array:
     """Return 0 near tracer, otherwise 1: the faint rim of a plume looks like dimmer light."""
     smooth = cv2.blur(residual, (3, 3))
     spread = SPREAD_PER_DEVIATION * np.median(np.abs(smooth - np.median(smooth)))
-    dark = (smooth < -_TRACER_SPREADS * spread - LIGHT.histogram_bin).astype(np.uint8)
+    dark = (smooth < -NOISE_SPREADS * spread - LIGHT.histogram_bin).astype(np.uint8)
     dark = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
     reach = 2 * max(2, residual.shape[1] // _TRACER_REACH) + 1
     return 1.0 - cv2.dilate(dark, np.ones((reach, reach), np.uint8))

@@ -32,6 +32,7 @@ from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.light.colour_checker import ChartLight
 from porotwin_imaging.light.light_drift import LIGHT, light_drift
 from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS
+from porotwin_imaging.tracer.tracer_colour import FEWEST_CELLS
 from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO
 
 
@@ -57,9 +58,6 @@ class ToneSettings:
 
 TONE = ToneSettings()
 
-FEWEST_SAND_CELLS = 50
-"""Visible cells below which sands cannot be told apart."""
-
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -70,9 +68,6 @@ _OFFSETS = (-0.16, -0.08, -0.04, 0.04, 0.08, 0.16, 0.3, 0.5, 0.8)
 """Offsets that are tried first, relative to the light of the darker sand."""
 _HALVINGS = 4
 """The step of the search, a quarter of the best amount at first, is halved so often."""
-_PALER = 0.1
-"""Error of stock that remains, relative to the light of haze on dark sand [-]: on a composed
-photograph, 0.01 of 0.19 and 0.03 of 0.48."""
 _DARK_PERCENTILE = 25.0
 """Percentile of the light that stands for darker sand."""
 _SEARCH_CELLS = 3000
@@ -120,10 +115,7 @@ class ToneChange:
             return f'tone curve of the camera has changed (gamma {1 + self.amount:.2f}): corrected'
         share = 100 * self.amount / self.reference
         word = 'more' if share > 0 else 'less'
-        line = f'haze or stray light: {abs(share):.0f} % {word} light on dark sand: corrected'
-        if _PALER * share < 1.0:
-            return line
-        return f'{line}, but strong tracer may read {_PALER * share:.0f} % too pale'
+        return f'haze or stray light: {abs(share):.0f} % {word} light on dark sand: corrected'
 
 
 def tone_of_chart(light: ChartLight) -> ToneChange | None:
@@ -133,8 +125,8 @@ def tone_of_chart(light: ChartLight) -> ToneChange | None:
 
 def haze_of_chart(
     light: ChartLight, log_ratio: Array, before: Array, visible: Mask
-) -> tuple[ToneChange | None, list[str]]:
-    """Return the haze that the chart shows if the sand may have it too, and a remark if it has not.
+) -> ToneChange | None:
+    """Return the haze that the chart shows if the sand may have it too; None otherwise.
 
     Sands of different brightness would show haze themselves (`tone_change`). Sand of one brightness
     shows only a level: that of clean sand must fit the light of the chart better with haze.
@@ -146,7 +138,7 @@ def haze_of_chart(
         visible: cells that show their sand, shape (nz, nx).
     """
     if light.veil is None or not visible.any():
-        return None, []
+        return None
     dark = float(np.percentile(before.mean(axis=2)[visible], _DARK_PERCENTILE))
     veil = (float(light.veil[0]), float(light.veil[1]), float(light.veil[2]))
     haze = ToneChange('haze', float(light.veil.mean()), max(dark, SMALLEST_DIVISOR), veil)
@@ -157,8 +149,8 @@ def haze_of_chart(
         hazy = np.log(np.maximum(np.exp(light.straight_gain) + light.veil / middle, LEAST_RATIO))
         apart = [float(np.abs(drift - gain).mean()) for gain in (hazy, light.straight_gain)]
         if apart[0] <= apart[1] + TONE.most_level:
-            return haze, []
-    return None, ['haze or a reflection on the colour chart, but not on the sand: not corrected']
+            return haze
+    return None
 
 
 def _tells_tone(before: Array, visible: Mask) -> bool:
@@ -239,7 +231,7 @@ class _Search:
         if (grey[self.visible] > TONE.brighter).mean() > TONE.brighter_share:
             return True
         chosen = weight > 0
-        if chosen.sum() < FEWEST_SAND_CELLS:
+        if chosen.sum() < FEWEST_CELLS:
             return False
         apart = light[chosen] - light[chosen].mean()
         weighted = weight[chosen] * apart

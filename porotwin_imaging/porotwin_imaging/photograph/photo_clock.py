@@ -30,19 +30,15 @@ Trust = Literal['exif', 'file', 'arrival']
 
 EARLIEST_S = datetime(2015, 1, 1, tzinfo=UTC).timestamp()
 """Earlier times [s since 1970] come from a clock that was reset: no rig is as old."""
-JITTER_S = 2.0
-"""A time may lie after the arrival, or before the last stamp, by this [s]: clocks set over a
-network agree that well. A time farther before the last stamp is an older photograph."""
+JITTER_S = 3.0
+"""Times that differ by less agree [s]: clocks set over a network do so, EXIF counts whole seconds,
+and writing takes time. A time farther before the last stamp is an older photograph."""
 OLD_INTERVALS = 10.0
 """Photographs that may be old get times before the arrival by this multiple of the interval. A
 setpoint lasts three intervals, so that nobody acts on them."""
-BURST = 3
-"""This number of arrivals within half an interval is no camera that takes photographs."""
 AGREEING = 3
 """Fresh photographs in a row that must agree on the error of the camera's clock. One or two may be
-old files that somebody copied."""
-LAG_SPREAD_S = 3.0
-"""Largest difference of lags that agree [s]: EXIF counts whole seconds, and writing takes time."""
+old files that somebody copied. So many arrivals within half an interval are of no camera."""
 
 START_IS_WRONG = (
     'Pauses and end of the experiment still count from the first photograph: set the clock, and '
@@ -182,7 +178,7 @@ def _is_burst(
 ) -> bool:
     """Return whether too many photographs arrived together for a camera."""
     arrivals = [*memory.arrivals, *(other.arrival for other in batch)]
-    return sum(abs(one - evidence.arrival) <= interval_s / 2 for one in arrivals) >= BURST
+    return sum(abs(one - evidence.arrival) <= interval_s / 2 for one in arrivals) >= AGREEING
 
 
 def _stamp(
@@ -213,7 +209,7 @@ def _stamp(
     memory = replace(
         memory,
         said=memory.said | {kind for kind, _ in remarks},
-        arrivals=(*memory.arrivals, evidence.arrival)[-BURST:],
+        arrivals=(*memory.arrivals, evidence.arrival)[-AGREEING:],
     )
     if time is None:
         reason = (
@@ -273,9 +269,9 @@ def _with_lag(
         return replace(memory, lags=()), []
     lags = (*memory.lags, evidence.arrival - evidence.exif)[-AGREEING:]
     memory = replace(memory, lags=lags)
-    agree = len(lags) == AGREEING and max(lags) - min(lags) <= LAG_SPREAD_S
+    agree = len(lags) == AGREEING and max(lags) - min(lags) <= JITTER_S
     wanted = 0.0 if abs(median(lags)) <= interval_s else min(lags)
-    if not agree or abs(wanted - memory.correction) <= LAG_SPREAD_S:
+    if not agree or abs(wanted - memory.correction) <= JITTER_S:
         return memory, []
     relation = 'behind' if wanted > 0 else 'ahead of'
     days = f' ({DAYS.text(abs(wanted))})' if abs(wanted) > DAYS.seconds else ''

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ive
 
-from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS
+from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS, NOISE_SPREADS
 from porotwin_imaging.numerics.row_bands import by_overlapping_bands
 from porotwin_imaging.smoothing.level_smoothing import SmoothedMap
 
@@ -46,8 +46,6 @@ Array = NDArray[Any]
 
 _REMAPPING_PX = math.sqrt(1 / 6)
 """Blur of linear interpolation [decoded px]: a (1 - a) in squares, the mean over all places a."""
-_KERNEL_REACH = 4.0
-"""Half width of a kernel relative to its standard deviation [-]."""
 _STEPS = 2
 """Steps of the iteration; more change little."""
 _FREQUENCIES = 64
@@ -117,7 +115,7 @@ def _kernel(width: float) -> Array:
     Its variance is exact for small widths too (Lindeberg, IEEE Trans. PAMI 12:234, 1990).
     """
     variance = _variance_between_cells(max(width, _SHARPEST))
-    reach = max(1, math.ceil(_KERNEL_REACH * math.sqrt(variance)))
+    reach = max(1, math.ceil(NOISE_SPREADS * math.sqrt(variance)))
     weights = ive(np.arange(-reach, reach + 1), variance)
     return np.asarray(weights / weights.sum(), np.float32)
 

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.geometry.sampling import SAMPLING
+from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS
 from porotwin_imaging.tracer.calibration import CLEAN
 
 
@@ -39,10 +40,9 @@ class LevelSmoothingSettings:
     """Least and largest reach [cells]."""
     clean_reach: float = 2.3
     """Total variation averages clean sand further than a level, by this factor [-]."""
-    guide_blur_m: float = 0.004
-    """Blur of the map that gives the levels [m], so that they do not follow the noise."""
-    guide_blur_cells: tuple[float, float] = (0.5, 1.5)
-    """Least and largest blur [cells]: a front of two cells must stay."""
+    guide_blur: float = 0.27
+    """Blur of the map that gives the levels, relative to the reach [-], so that they do not follow
+    the noise; a front of two cells must stay."""
 
 
 LEVEL_SMOOTHING = LevelSmoothingSettings()
@@ -50,8 +50,8 @@ LEVEL_SMOOTHING = LevelSmoothingSettings()
 
 Array = NDArray[Any]
 
-_LARGEST_EXPONENT = 8.0
-"""Cells with a weight below exp(-8) do not count."""
+_LARGEST_EXPONENT = 0.5 * NOISE_SPREADS**2
+"""Cells farther than so many standard deviations do not count."""
 
 
 @dataclass(frozen=True)
@@ -77,12 +77,8 @@ class _Widths:
     @classmethod
     def of(cls, cell_m: float) -> Self:
         """Return the widths on cells of `cell_m` [m]."""
-        return cls(
-            float(np.clip(LEVEL_SMOOTHING.reach_m / cell_m, *LEVEL_SMOOTHING.reach_cells)),
-            float(
-                np.clip(LEVEL_SMOOTHING.guide_blur_m / cell_m, *LEVEL_SMOOTHING.guide_blur_cells)
-            ),
-        )
+        reach = float(np.clip(LEVEL_SMOOTHING.reach_m / cell_m, *LEVEL_SMOOTHING.reach_cells))
+        return cls(reach, LEVEL_SMOOTHING.guide_blur * reach)
 
 
 def smooth_along_levels(

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import Grid
+from porotwin_imaging.numerics.robust_statistics import NOISE_SPREADS
 from porotwin_imaging.numerics.row_bands import by_overlapping_bands
 from porotwin_imaging.smoothing.level_smoothing import SmoothedMap
 from porotwin_imaging.tracer.calibration import Calibration
@@ -54,9 +55,6 @@ NOISE = NoiseSettings()
 
 Array = NDArray[Any]
 
-_LARGEST_FAINT = 4.5
-"""Values above this many standard deviations are tracer, not clean sand: noise of grains has wide
-tails."""
 _LEVELS = 4096
 """Steps of concentration in the table of errors: from one to the next they change by less than
 1e-4."""
@@ -130,7 +128,7 @@ def _clean_or_faint(values: Array, random: Array) -> Array:
     noise.
     """
     squares = values * np.abs(values)  # values below 0 are faint
-    return np.where(squares < _LARGEST_FAINT**2 * random, 0.25 * values**2, np.float32(0.0))
+    return np.where(squares < NOISE_SPREADS**2 * random, 0.25 * values**2, np.float32(0.0))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.tracer.tracer_colour import TracerColour
 
 Array = NDArray[Any]
@@ -25,8 +26,6 @@ LEAST_RATIO = 0.02
 """Smallest ratio to the baseline; a darker photograph contains only noise of the camera."""
 CHANNELS = {'grey': (1 / 3, 1 / 3, 1 / 3), 'red': (1.0, 0.0, 0.0)}
 """Weights of red, green and blue that need no photographs."""
-_COVARIANCE_FLOOR = 1e-6
-"""Added to the variance of each channel, so that the covariance is invertible."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def learned_weights(log_ratio: Array, background: Array) -> tuple[float, float, 
             shape (n, 3).
     """
     direction = -log_ratio.mean(axis=0)
-    covariance = np.cov(background.T) + _COVARIANCE_FLOOR * np.eye(3)
+    covariance = np.cov(background.T) + SMALLEST_DIVISOR * np.eye(3)
     weights = np.linalg.solve(covariance, direction)
     weights /= np.abs(weights).sum()
     if weights @ direction < 0:
