@@ -33,7 +33,7 @@ from porotwin_imaging.baseline.baseline_subtraction import log_ratio_variance
 from porotwin_imaging.baseline.photo_cells import Look, accept_all, log_ratio_below, photo_cells
 from porotwin_imaging.baseline.validity import unclipped_cells, visible_cells
 from porotwin_imaging.geometry.alignment import ALIGNMENT, Alignment, alignment_remarks
-from porotwin_imaging.light.colour_correction import light_at_chart
+from porotwin_imaging.light.colour_correction import light_at_chart, light_beside
 from porotwin_imaging.light.light_correction import corrected_light
 from porotwin_imaging.light.light_drift import LightDrift
 from porotwin_imaging.numerics.row_bands import by_bands
@@ -179,6 +179,7 @@ def compare_with_baseline(
             chart_light,
             baseline.calibration.signal.tracer_colour,
             partial(log_ratio_below, cells=cells, baseline=baseline),
+            beside=light_beside(pixels, alignment.homography, baseline.chart),
         )
     left_out = [*cells.remarks, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > ALIGNMENT.closure_px

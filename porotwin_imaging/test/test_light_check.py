@@ -36,17 +36,25 @@ def test_the_chart_corrects_another_exposure(
     assert line == f'{gain:.2g} times the light of the baseline: corrected by the colour chart'
 
 
-@pytest.mark.parametrize('gain', [0.5, 1.5, 6.0])
-def test_without_a_chart_another_exposure_is_refused(
-    without_chart, laboratory, truth, gain: float
+@pytest.mark.parametrize('gain', [0.5, 1.5])
+def test_without_a_chart_most_of_the_sand_corrects_another_exposure(
+    without_chart, laboratory, truth, relative_error, gain: float
 ) -> None:
+    found = concentration_map(laboratory.photograph(truth, gain=gain), without_chart)
+    assert relative_error(found.values, truth) < 0.08
+    assert found.suspicious
+    assert any(line.startswith(f'{gain:.2g} times') for line in found.status)
+
+
+def test_without_a_chart_an_exposure_far_off_is_refused(without_chart, laboratory, truth) -> None:
     with pytest.raises(InputError, match=r'times the light of its baseline|over-exposed|brighter'):
-        concentration_map(laboratory.photograph(truth, gain=gain), without_chart)
+        concentration_map(laboratory.photograph(truth, gain=6.0), without_chart)
 
 
 def test_a_rig_full_of_tracer_is_not_taken_for_another_exposure(
     without_chart, laboratory, no_tracer
 ) -> None:
+    """All sand is darker alike, but the frame beside it is not."""
     with pytest.raises(InputError, match='times the light of its baseline'):
         concentration_map(laboratory.photograph(np.ones_like(no_tracer)), without_chart)
 

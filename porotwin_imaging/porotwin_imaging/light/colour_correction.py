@@ -17,7 +17,7 @@ from porotwin_core.rig import Camera
 from porotwin_imaging.geometry.alignment import TURNS
 from porotwin_imaging.light import colour_checker
 from porotwin_imaging.light.colour_checker import COLOUR_CHECKER
-from porotwin_imaging.light.light_references import LightReferences, light_references
+from porotwin_imaging.light.light_references import LightReferences, light_references, surroundings
 from porotwin_imaging.photograph.linear_light import linear_light, linear_light_near
 
 Array = NDArray[Any]
@@ -36,12 +36,15 @@ class ColourReference:
             there is no chart.
         places: places that never change, which tell the light where no chart is seen; None if the
             rig names none.
+        surroundings: what lies beside the sand, which can confirm another exposure; None if the
+            rig names a chart or places.
     """
 
     corners: Array | None
     patches: Array | None
     matrix: Array
     places: LightReferences | None = None
+    surroundings: LightReferences | None = None
 
     @property
     def corrected_patches(self) -> Array | None:
@@ -77,7 +80,8 @@ def colour_reference(
     """
     corners = checker_corners(camera, reduction)
     places = light_references(pixels, camera, reduction)
-    without_chart = ColourReference(corners, None, np.eye(3), places)
+    beside = surroundings(pixels, camera, reduction) if corners is None and not places else None
+    without_chart = ColourReference(corners, None, np.eye(3), places, beside)
     if corners is None:
         return without_chart, []
     found = colour_checker.find_checker(linear_light(pixels), corners)
@@ -132,6 +136,17 @@ def light_at_chart(
     if reference.places is not None:
         return _light_at_places(pixels, homography, reference)
     return None, ['colour checker not seen: light is judged by the sand alone']
+
+
+def light_beside(
+    pixels: NDArray[np.uint8], homography: Array, reference: ColourReference
+) -> colour_checker.ChartLight | None:
+    """Return the light beside the sand; None if that may not count, or is not seen.
+
+    The arguments are those of `light_at_chart`.
+    """
+    beside = reference.surroundings
+    return None if beside is None else beside.light_in(pixels, homography)
 
 
 def _light_at_places(

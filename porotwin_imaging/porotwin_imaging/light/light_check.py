@@ -4,7 +4,8 @@ Tracer darkens sand and never brightens it. Cells that stay brighter than the ba
 drift of light was removed show a reflection, a flash or another exposure. A plume there would look
 paler than it is, or vanish, so these cells have no value.
 
-A photograph with another exposure needs the colour chart, or places that never change.
+A photograph with another exposure needs the colour chart, or places that never change. A rig that
+names neither is compared on most of its sand, if the frame beside it agrees.
 """
 
 from typing import Any
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_imaging.light.colour_checker import ChartLight
-from porotwin_imaging.light.light_drift import LIGHT, LightDrift
+from porotwin_imaging.light.light_drift import LIGHT, LightDrift, light_drift
 from porotwin_imaging.numerics.robust_statistics import TOP_PERCENTILE
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
 
@@ -104,8 +105,7 @@ def refuse_unknown_light(
     factor = float(np.exp(np.median(log_ratio[visible].mean(axis=1))))
     raise InputError(
         f'photograph has {factor:.2g} times the light of its baseline and the colour chart is not '
-        'seen, so tracer cannot be told from light; set exposure and lamps as for the baseline, or '
-        'name places that never change in camera.references_px'
+        'seen, so tracer cannot be told from light; set exposure and lamps as for the baseline'
     )
 
 
@@ -115,6 +115,32 @@ def exposure_remarks(light: ChartLight) -> list[str]:
         return []
     factor = float(np.exp(light.straight_gain.mean()))
     return [f'{factor:.2g} times the light of the baseline: corrected by {light.told_by}']
+
+
+def light_of_most_sand(
+    log_ratio: Array, visible: Mask, beside: ChartLight
+) -> tuple[Array | None, list[str]]:
+    """Return the log gain (3,) of most of the sand if it is another exposure, and a remark.
+
+    Tracer could darken most of the sand alike. So the picture beside the sand must agree.
+
+    Args:
+        log_ratio: log ratio to the baseline, shape (nz, nx, 3).
+        visible: cells that show their sand, shape (nz, nx).
+        beside: light beside the sand.
+    """
+    if not visible.any() or light_drift(log_ratio, visible, None).background > 0.0:
+        return None, []
+    gain = np.median(log_ratio[visible], axis=0)
+    apart = abs(float((gain - beside.log_gain).mean()))
+    if apart > LIGHT.search_range or light_drift(log_ratio, visible, gain).background == 0.0:
+        return None, []
+    factor = float(np.exp(gain.mean()))
+    return gain, [
+        f'{factor:.2g} times the light of the baseline on most of the sand, and about so much '
+        'beside it: corrected by sand that seems to hold no tracer; name places that never change '
+        'in camera.references_px'
+    ]
 
 
 def drift_remarks(drift: LightDrift, visible: Mask) -> list[str]:

@@ -21,6 +21,7 @@ from porotwin_imaging.light.foreign_signal import without_foreign_signal
 from porotwin_imaging.light.light_check import (
     drift_remarks,
     exposure_remarks,
+    light_of_most_sand,
     lit_as_baseline,
     refuse_unknown_light,
     spilled_light,
@@ -71,6 +72,8 @@ def corrected_light(
     chart_light: ChartLight | None,
     colour: TracerColour | None,
     below_veil: BelowVeil | None = None,
+    *,
+    beside: ChartLight | None = None,
 ) -> CorrectedLight:
     """Return log ratios without the changes of light.
 
@@ -82,6 +85,8 @@ def corrected_light(
         chart_light: light at the colour chart, or None.
         colour: colour of the tracer from the calibration; if None, the photograph is asked.
         below_veil: takes haze from the samples of the photograph; None: from means of cells.
+        beside: light beside the sand of a rig that names neither a chart nor other places; it may
+            confirm that most of the sand tells another exposure.
 
     Raises:
         InputError: the light cannot be compared with the baseline.
@@ -91,6 +96,9 @@ def corrected_light(
     before, after = (_light(light, sums, seen.shape) for light in (sums.baseline, sums.state))
     checker_gain = None if chart_light is None else chart_light.straight_gain
     scatter = 0.0 if chart_light is None else chart_light.scatter
+    by_sand: list[str] = []
+    if beside is not None and chart_light is None:
+        checker_gain, by_sand = light_of_most_sand(blocks, seen, beside)
     tone = None if chart_light is None else tone_of_chart(chart_light)
     even = scatter <= LIGHT.tolerance  # otherwise neither a tone nor a hue can be told
     if tone is None and even:
@@ -129,7 +137,7 @@ def corrected_light(
         comparable=visible & ~left_out,
         drift=drift,
         remarks=remarks,
-        left_out=[*bright, *foreign],
+        left_out=[*by_sand, *bright, *foreign],
     )
 
 

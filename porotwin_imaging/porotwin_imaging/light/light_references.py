@@ -68,21 +68,41 @@ def light_references(
 
     `pixels` has shape (rows, columns, 3), blue-green-red, decoded at `reduction`.
     """
-    inside = inside_references(pixels.shape, camera, reduction)
+    return _of_mask(pixels, inside_references(pixels.shape, camera, reduction))
+
+
+def surroundings(
+    pixels: NDArray[np.uint8], camera: Camera, reduction: int
+) -> LightReferences | None:
+    """Return points beside the sand in a decoded baseline; None if it shows nothing else.
+
+    They may change. So they can only confirm the light of the sand.
+    """
+    beside = _filled(pixels.shape, [camera.corners_px], reduction) == 0
+    return _of_mask(pixels, cv2.erode(beside.astype(np.uint8), np.ones(_GRAIN_PX)) > 0)
+
+
+def inside_references(shape: Sequence[int], camera: Camera, reduction: int) -> NDArray[np.bool_]:
+    """Return where the decoded baseline of `shape` (rows, columns, ...) never changes."""
+    return _filled(shape, camera.references_px, reduction) > 0
+
+
+def _filled(shape: Sequence[int], places: Sequence[Any], reduction: int) -> NDArray[np.uint8]:
+    """Return 1 inside the polygons `places` [px of the file], at the decoded `shape`."""
+    inside = np.zeros(tuple(shape[:2]), np.uint8)
+    for place in places:
+        cv2.fillPoly(inside, [np.rint(np.array(place) / reduction).astype(np.int32)], 1)
+    return inside
+
+
+def _of_mask(pixels: NDArray[np.uint8], inside: NDArray[np.bool_]) -> LightReferences | None:
+    """Return points spread evenly over the mask `inside`; None if it is empty."""
     rows, columns = np.nonzero(inside)
     if not len(rows):
         return None
     chosen = np.linspace(0, len(rows) - 1, min(_MOST_POINTS, len(rows))).astype(int)
     points = np.stack([columns, rows], axis=1)[chosen].astype(float)
     return LightReferences(points, _light_at(pixels, points))
-
-
-def inside_references(shape: Sequence[int], camera: Camera, reduction: int) -> NDArray[np.bool_]:
-    """Return where the decoded baseline of `shape` (rows, columns, ...) never changes."""
-    inside = np.zeros(tuple(shape[:2]), np.uint8)
-    for place in camera.references_px:
-        cv2.fillPoly(inside, [np.rint(np.array(place) / reduction).astype(np.int32)], 1)
-    return inside > 0
 
 
 def _light_at(pixels: NDArray[np.uint8], points: Array) -> Array:
