@@ -9,6 +9,7 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from patience import LOOK_EACH_S, PATIENCE_S
 from rclpy.context import Context
 from rclpy.node import Node
 
@@ -52,22 +53,25 @@ class Listener:
 
         return keep
 
-    def wait_for(self, purpose: str, condition: Callable[[], bool], *, timeout: float) -> None:
+    def wait_for(
+        self, purpose: str, condition: Callable[[], bool], *, timeout: float = PATIENCE_S
+    ) -> None:
         """Return when `condition` holds; fail after `timeout` [s] with the `purpose`."""
         with self._changed:
             deadline = time.monotonic() + timeout
             while not condition():
-                remaining = deadline - time.monotonic()
                 counts = {name: len(messages) for name, messages in self.messages.items()}
-                assert remaining > 0, f'waited {timeout:g} s for {purpose}; received {counts}'
-                self._changed.wait(min(remaining, 0.5))
+                assert time.monotonic() < deadline, (
+                    f'waited {timeout:g} s for {purpose}; received {counts}'
+                )
+                self._changed.wait(LOOK_EACH_S)
 
     def spin(self, node: Node) -> None:
         """Call the callbacks of `node`, of the same context, until the end."""
         self._thread.executor.add_node(node)
 
-    def answer(self, caller: str, kind: Any, name: str, request: Any, timeout: float) -> Any:
-        """Return the answer to the node `caller`, which vouches; fail after `timeout` [s]."""
+    def answer(self, caller: str, kind: Any, name: str, request: Any) -> Any:
+        """Return the answer to the node `caller`, which vouches."""
         if (caller, name) not in self._callers:
             node = rclpy.create_node(
                 caller, namespace=self.node.get_namespace(), context=self.node.context
@@ -76,10 +80,10 @@ class Listener:
             # it stays: an ended client is seen for a moment, and two of a name are refused
             self._callers[caller, name] = node.create_client(kind, name), Voucher(node)
         client, voucher = self._callers[caller, name]
-        assert client.wait_for_service(timeout), name
+        assert client.wait_for_service(PATIENCE_S), name
         voucher.vouch(name, request)
         future = client.call_async(request)
-        self.wait_for(f'an answer of {name}', future.done, timeout=timeout)
+        self.wait_for(f'an answer of {name}', future.done)
         return future.result()
 
     def close(self) -> None:
@@ -121,11 +125,12 @@ class RunningGraph:
             self.listener.wait_for(
                 f'a publisher of {topic}',
                 lambda name=name: self.listener.node.count_publishers(name) > 0,
-                timeout=60.0,
             )
         time.sleep(1.0)  # the publisher learns of its subscriber a moment later
 
-    def wait_for_messages(self, topic: str, count: int, *, timeout: float) -> list[Any]:
+    def wait_for_messages(
+        self, topic: str, count: int, *, timeout: float = PATIENCE_S
+    ) -> list[Any]:
         """Return the messages of `topic` when there are `count`, after at most `timeout` [s]."""
         self.listener.wait_for(
             f'{count} messages on {topic}',
@@ -134,7 +139,7 @@ class RunningGraph:
         )
         return self.messages[topic]
 
-    def wait_for_log(self, name: str, text: str, *, timeout: float) -> str:
+    def wait_for_log(self, name: str, text: str, *, timeout: float = PATIENCE_S) -> str:
         """Return the first line of a node's log with `text`, after at most `timeout` [s]."""
         found: list[str] = []
 
