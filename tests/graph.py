@@ -14,19 +14,28 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from porotwin_core.ros import qos
+from porotwin_core.ros.node import DIAGNOSTICS, HEARD_BY
 from porotwin_core.ros.node_thread import NodeThread
 from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.launching.graph import NAMESPACE, NodeDescription
 from porotwin_hub.launching.processes import GraphProcesses
-from porotwin_msgs.msg import CleanState, CycleReport, NewState, Setpoint, TracerField
+from porotwin_msgs.msg import (
+    CleanState,
+    CycleReport,
+    NewState,
+    Setpoint,
+    StateRefreshed,
+    TracerField,
+)
 
 TOPICS: dict[str, tuple[Any, Any]] = {
     'asset/new_state': (NewState, qos.FIELD),
+    'asset/state_refreshed': (StateRefreshed, qos.FIELD),
     'asset/clean_state': (CleanState, qos.FIELD),
     'tracer/predicted': (TracerField, qos.FIELD),
     'wells/setpoint': (Setpoint, qos.SETPOINT),
     'hub/cycle': (CycleReport, qos.FIELD),
-    '/diagnostics': (DiagnosticArray, 10),
+    DIAGNOSTICS: (DiagnosticArray, 10),
 }
 
 
@@ -118,15 +127,19 @@ class RunningGraph:
                 print(f'--- {name}\n{self.log(name)[-2000:]}')
             raise
 
-    def wait_for_publishers(self, *topics: str) -> None:
-        """Return when the publishers of `topics` are found, so that no message is missed."""
-        for topic in topics:
-            name = self.listener.node.resolve_topic_name(topic)
-            self.listener.wait_for(
-                f'a publisher of {topic}',
-                lambda name=name: self.listener.node.count_publishers(name) > 0,
+    def wait_until_heard(self, name: str) -> None:
+        """Return when a node tells that it knows the listener, so that no state is missed."""
+
+        def heard() -> bool:
+            return any(
+                value.key == HEARD_BY and 'listener' in value.value.split()
+                for array in self.messages[DIAGNOSTICS]
+                for status in array.status
+                for value in status.values
+                if status.name == name
             )
-        time.sleep(1.0)  # the publisher learns of its subscriber a moment later
+
+        self.listener.wait_for(f'{name} to know the listener', heard)
 
     def wait_for_messages(
         self, topic: str, count: int, *, timeout: float = PATIENCE_S

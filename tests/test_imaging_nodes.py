@@ -80,7 +80,7 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         graph.listener.node.create_subscription(
             DiagnosticArray, '/diagnostics', lambda array: diagnostics.extend(array.status), 10
         )
-        graph.wait_for_publishers('asset/new_state', 'asset/clean_state')
+        graph.wait_until_heard('imaging')
         put(photos, 'lens_cap.jpg', cv2.imencode('.jpg', np.zeros((640, 1000, 3)))[1].tobytes())
         graph.wait_for_log('camera', 'cannot be the baseline')
         put(photos, '00.jpg', camera.baseline())
@@ -156,7 +156,7 @@ def test_states_wait_for_the_baseline_of_the_protocol_with_a_warning(
         ),
     ]
     with running_graph(nodes, tmp_path / 'run', domain) as graph:
-        graph.wait_for_publishers('asset/new_state')
+        graph.wait_until_heard('imaging')
         put(photos, '0a.jpg', camera.photograph(plume(0.03), time=10.0))
         put(photos, '0b.jpg', camera.photograph(plume(0.04), time=20.0))
         graph.wait_for_log('imaging', 'no baseline yet, photographs wait for one')

@@ -135,7 +135,7 @@ def test_no_setpoint_is_believed_while_a_stranger_could_send_it(
     listener.until(lambda: listener.node.count_publishers('wells/setpoint') == 1)
 
     def taken_again() -> bool:
-        guards.publish(Setpoint(sequence=3))  # one that comes before the end was noticed is lost
+        guards.publish(Setpoint(sequence=3))  # lost while the end is not noticed
         return 3 in listener.taken
 
     listener.until(taken_again)

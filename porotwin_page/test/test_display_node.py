@@ -1,6 +1,5 @@
 """Maps and rates for foreign viewers, read back from a bag by readers that know nothing of ours."""
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +22,7 @@ from porotwin_core.ros.senders import SENDERS  # noqa: E402
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, TracerField  # noqa: E402
 from porotwin_page.display_node import DisplayNode, topic_part  # noqa: E402
 from porotwin_page.map_pictures import colour_table  # noqa: E402
+from porotwin_recording.mcap.bag_reader import BagReader  # noqa: E402
 from porotwin_recording.recorder_node import RecorderNode  # noqa: E402
 
 pytestmark = pytest.mark.graph
@@ -58,7 +58,8 @@ def recorded(domain: int, bag: Path) -> None:
         until(lambda: len(display._made) == 11)
         topics = [f'display/{name}' for name in display._made]
         until(lambda: all(display.count_subscribers(topic) == 1 for topic in topics))
-        time.sleep(0.5)  # the recorder has asked for the last messages, which are on their way
+        sent = {f'/{topic}' for topic in topics if 'corrected' not in topic}
+        until(lambda: sent <= {one.topic for one in BagReader(bag).messages()})
     finally:
         thread.end()
 

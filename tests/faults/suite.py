@@ -36,13 +36,12 @@ class Stages:
         self._open.close()
 
 
-def check(fault: Fault, stages: Stages, *, alone: bool = True) -> None:
+def check(fault: Fault, stage: Stage, *, alone: bool = True) -> None:
     """Inject `fault`: it shows, control goes on after it, and no setpoint is wrong.
 
     After a refusal, and after a fault that is not `alone`, the next fault shows that control goes
     on.
     """
-    stage = stages.get()
     stage.healthy = False
     since = stage.since()
     with stage.graph.logs_of_a_failure():

@@ -22,4 +22,4 @@ once, and control goes on when all are there again."""
 @pytest.mark.parametrize('fault', FAULTS, ids=str)
 def test_a_failure_or_a_set_clock_shows_and_control_goes_on(fault: Fault, stages: Stages) -> None:
     killed_before_others = fault.name.endswith('_killed') and fault is not LAST_KILLED
-    check(fault, stages, alone=not killed_before_others)
+    check(fault, stages.get(), alone=not killed_before_others)
