@@ -47,6 +47,9 @@ NAMESPACE = '/porotwin'
 LONGEST_S = 120
 """Time after which the script gives up [s]; it takes about 15 s."""
 
+COARSE = {'grid': '31x19'}
+"""Given to every node, so that it starts soon; the page shows the default."""
+
 Rows = list[tuple[str, ...]]
 """Rows of a table."""
 
@@ -179,10 +182,11 @@ def interfaces(node: Node) -> Rows:
 def parameters(node: Node) -> Rows:
     """Return name, type with default and allowed values, and description of every parameter."""
     names = sorted(set(node.list_parameters([], 0).names) - HIDDEN_PARAMETERS)
+    defaults = {rule.name: rule.default for rule in rules_of(node) if rule.name in COARSE}
     rows: Rows = []
     for name in names:
         descriptor = node.describe_parameter(name)
-        value = node.get_parameter(name).value
+        value = defaults.get(name, node.get_parameter(name).value)
         kind = Parameter.Type(descriptor.type).name.lower()
         default = '' if value in ('', None) else f'`{value}`'
         if '/' in default and name != 'topics':
@@ -238,12 +242,11 @@ def section(executable: str, node: Node, ends: Rows, values: Rows, shared: Rows)
 
 def started(make: type[Node], given: dict[str, Any]) -> Node:
     """Return a node as it is after its start."""
-    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    overrides = [Parameter(name, value=value) for name, value in {**COARSE, **given}.items()]
     context = Context()  # its own: a node that has finished shuts its context down
     rclpy.init(context=context)
     node = make(namespace=NAMESPACE, parameter_overrides=overrides, context=context)
     ensure_diagnostics(node)
-    time.sleep(0.5)  # until the node has discovered its own actions
     return node
 
 
@@ -252,11 +255,13 @@ def documents() -> dict[Path, str]:
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     with tempfile.TemporaryDirectory() as folder:
         needed = needed_parameters(Path(folder))
-        nodes, all_rules = [], {}
-        for executable, make in node_classes():
-            node = started(make, needed.get(executable, needed['default']))
-            nodes.append((executable, node, interfaces(node), parameters(node)))
-            all_rules[node.get_name()] = rules(node)
+        made = [
+            (executable, started(make, needed.get(executable, needed['default'])))
+            for executable, make in node_classes()
+        ]
+        time.sleep(0.5)  # until the nodes have discovered their own actions
+        nodes = [(each, node, interfaces(node), parameters(node)) for each, node in made]
+        all_rules = {node.get_name(): rules(node) for _, node in made}
     counts = Counter(row for *_, values in nodes for row in values)
     shared = sorted(row for row, count in counts.items() if count >= SHARED_BY)
     sections = [section(*node, shared) for node in nodes]

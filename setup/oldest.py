@@ -15,7 +15,7 @@ OLDEST = ROOT / '.venv-oldest'
 PYTHON = OLDEST / 'bin' / 'python'
 INPUTS = ('setup/requirements/*.txt',)
 
-BESIDE_TESTS = ('pytest', 'pytest-timeout', 'pytest-xdist', 'pytest-rerunfailures', 'hypothesis')
+BESIDE_TESTS = ('pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis')
 """Tools of the quick tests, of any version."""
 
 OF_LIBRARIES = (

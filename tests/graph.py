@@ -9,23 +9,33 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from patience import LOOK_EACH_S, PATIENCE_S
 from rclpy.context import Context
 from rclpy.node import Node
 
 from porotwin_core.ros import qos
+from porotwin_core.ros.node import DIAGNOSTICS, HEARD_BY
 from porotwin_core.ros.node_thread import NodeThread
 from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.launching.graph import NAMESPACE, NodeDescription
 from porotwin_hub.launching.processes import GraphProcesses
-from porotwin_msgs.msg import CleanState, CycleReport, NewState, Setpoint, TracerField
+from porotwin_msgs.msg import (
+    CleanState,
+    CycleReport,
+    NewState,
+    Setpoint,
+    StateRefreshed,
+    TracerField,
+)
 
 TOPICS: dict[str, tuple[Any, Any]] = {
     'asset/new_state': (NewState, qos.FIELD),
+    'asset/state_refreshed': (StateRefreshed, qos.FIELD),
     'asset/clean_state': (CleanState, qos.FIELD),
     'tracer/predicted': (TracerField, qos.FIELD),
     'wells/setpoint': (Setpoint, qos.SETPOINT),
     'hub/cycle': (CycleReport, qos.FIELD),
-    '/diagnostics': (DiagnosticArray, 10),
+    DIAGNOSTICS: (DiagnosticArray, 10),
 }
 
 
@@ -52,22 +62,25 @@ class Listener:
 
         return keep
 
-    def wait_for(self, purpose: str, condition: Callable[[], bool], *, timeout: float) -> None:
+    def wait_for(
+        self, purpose: str, condition: Callable[[], bool], *, timeout: float = PATIENCE_S
+    ) -> None:
         """Return when `condition` holds; fail after `timeout` [s] with the `purpose`."""
         with self._changed:
             deadline = time.monotonic() + timeout
             while not condition():
-                remaining = deadline - time.monotonic()
                 counts = {name: len(messages) for name, messages in self.messages.items()}
-                assert remaining > 0, f'waited {timeout:g} s for {purpose}; received {counts}'
-                self._changed.wait(min(remaining, 0.5))
+                assert time.monotonic() < deadline, (
+                    f'waited {timeout:g} s for {purpose}; received {counts}'
+                )
+                self._changed.wait(LOOK_EACH_S)
 
     def spin(self, node: Node) -> None:
         """Call the callbacks of `node`, of the same context, until the end."""
         self._thread.executor.add_node(node)
 
-    def answer(self, caller: str, kind: Any, name: str, request: Any, timeout: float) -> Any:
-        """Return the answer to the node `caller`, which vouches; fail after `timeout` [s]."""
+    def answer(self, caller: str, kind: Any, name: str, request: Any) -> Any:
+        """Return the answer to the node `caller`, which vouches."""
         if (caller, name) not in self._callers:
             node = rclpy.create_node(
                 caller, namespace=self.node.get_namespace(), context=self.node.context
@@ -76,10 +89,10 @@ class Listener:
             # it stays: an ended client is seen for a moment, and two of a name are refused
             self._callers[caller, name] = node.create_client(kind, name), Voucher(node)
         client, voucher = self._callers[caller, name]
-        assert client.wait_for_service(timeout), name
+        assert client.wait_for_service(PATIENCE_S), name
         voucher.vouch(name, request)
         future = client.call_async(request)
-        self.wait_for(f'an answer of {name}', future.done, timeout=timeout)
+        self.wait_for(f'an answer of {name}', future.done)
         return future.result()
 
     def close(self) -> None:
@@ -114,18 +127,23 @@ class RunningGraph:
                 print(f'--- {name}\n{self.log(name)[-2000:]}')
             raise
 
-    def wait_for_publishers(self, *topics: str) -> None:
-        """Return when the publishers of `topics` are found, so that no message is missed."""
-        for topic in topics:
-            name = self.listener.node.resolve_topic_name(topic)
-            self.listener.wait_for(
-                f'a publisher of {topic}',
-                lambda name=name: self.listener.node.count_publishers(name) > 0,
-                timeout=60.0,
-            )
-        time.sleep(1.0)  # the publisher learns of its subscriber a moment later
+    def wait_until_heard(self, name: str) -> None:
+        """Return when a node tells that it knows the listener, so that no state is missed."""
 
-    def wait_for_messages(self, topic: str, count: int, *, timeout: float) -> list[Any]:
+        def heard() -> bool:
+            return any(
+                value.key == HEARD_BY and 'listener' in value.value.split()
+                for array in self.messages[DIAGNOSTICS]
+                for status in array.status
+                for value in status.values
+                if status.name == name
+            )
+
+        self.listener.wait_for(f'{name} to know the listener', heard)
+
+    def wait_for_messages(
+        self, topic: str, count: int, *, timeout: float = PATIENCE_S
+    ) -> list[Any]:
         """Return the messages of `topic` when there are `count`, after at most `timeout` [s]."""
         self.listener.wait_for(
             f'{count} messages on {topic}',
@@ -134,7 +152,7 @@ class RunningGraph:
         )
         return self.messages[topic]
 
-    def wait_for_log(self, name: str, text: str, *, timeout: float) -> str:
+    def wait_for_log(self, name: str, text: str, *, timeout: float = PATIENCE_S) -> str:
         """Return the first line of a node's log with `text`, after at most `timeout` [s]."""
         found: list[str] = []
 

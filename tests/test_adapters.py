@@ -7,10 +7,10 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE_S, until
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
@@ -29,7 +29,6 @@ ROOT = Path(__file__).resolve().parents[1]
 ADAPTERS = ROOT / 'examples' / 'adapters'
 SCRIPT = ADAPTERS / 'ros_camera_to_folder.py'
 SMALL_RIG = ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml'
-PATIENCE_S = 60.0
 
 
 def test_a_ros_camera_fills_a_folder(domain: int, tmp_path: Path) -> None:
@@ -42,20 +41,15 @@ def test_a_ros_camera_fills_a_folder(domain: int, tmp_path: Path) -> None:
     camera = rclpy.create_node('camera', context=context)
     publisher = camera.create_publisher(CompressedImage, 'image', 10)
     thread = NodeThread(keeper, camera, threads=2)
-    end = time.monotonic() + PATIENCE_S
     names = ['photo_1700000000_500000000.jpg', 'photo_1700000012_500000000.jpg']
     try:
-        while not publisher.get_subscription_count():
-            assert time.monotonic() < end
-            time.sleep(0.02)
+        until(publisher.get_subscription_count)
         for seconds in (0, 4, 8, 12):
             stamp = Time(sec=1_700_000_000 + seconds, nanosec=500_000_000)
             publisher.publish(
                 CompressedImage(header=Header(stamp=stamp), format='rgb8; jpeg', data=[seconds])
             )
-        while not (tmp_path / 'photos' / names[-1]).exists():
-            assert time.monotonic() < end
-            time.sleep(0.02)
+        until((tmp_path / 'photos' / names[-1]).exists)
     finally:
         thread.end()
     files = sorted((tmp_path / 'photos').iterdir())
@@ -84,22 +78,18 @@ def test_epics_clients_read_the_setpoint(domain: int, monkeypatch: pytest.Monkey
     publisher = guard.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
     thread = NodeThread(guard)
     command = [sys.executable, str(ADAPTERS / 'epics_ioc.py'), str(SMALL_RIG), 'PTWIN:']
-    end = time.monotonic() + PATIENCE_S
     with subprocess.Popen(command, env={**os.environ, 'ROS_DOMAIN_ID': str(domain)}) as server:
         try:
-            while not publisher.get_subscription_count():
-                assert time.monotonic() < end
-                time.sleep(0.05)
+            until(publisher.get_subscription_count)
             read = math.nan
             while math.isnan(read):
-                assert time.monotonic() < end
                 publisher.publish(Setpoint(wells=[WellRate(well='control1', rate=1e-6 / 36.0)]))
-                answer = client.read('PTWIN:control1_ml_h', data_type='control', timeout=10.0)
+                answer = client.read('PTWIN:control1_ml_h', data_type='control', timeout=PATIENCE_S)
                 read = answer.data[0]
             assert read == pytest.approx(100.0)
             assert answer.metadata.units == b'ml/h'
             with pytest.raises(Exception, match='cannot write'):
-                client.write('PTWIN:control1_ml_h', 1.0, notify=True, timeout=10.0)
+                client.write('PTWIN:control1_ml_h', 1.0, notify=True, timeout=PATIENCE_S)
         finally:
             server.terminate()
             assert server.wait(PATIENCE_S) == -signal.SIGTERM

@@ -78,7 +78,7 @@ def diagnosed(
     goal = Diagnose.Goal()
     voucher.vouch(goals_of('diagnosis/diagnose'), goal)
     sent = client.send_goal_async(goal, lambda message: stages.append(message.feedback.stage))
-    graph.listener.wait_for('an answer to the goal', sent.done, timeout=30.0)
+    graph.listener.wait_for('an answer to the goal', sent.done)
     finished = sent.result().get_result_async()
     graph.listener.wait_for('a diagnosis', finished.done, timeout=300.0)
     return finished.result().result

@@ -80,30 +80,30 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         graph.listener.node.create_subscription(
             DiagnosticArray, '/diagnostics', lambda array: diagnostics.extend(array.status), 10
         )
-        graph.wait_for_publishers('asset/new_state', 'asset/clean_state')
+        graph.wait_until_heard('imaging')
         put(photos, 'lens_cap.jpg', cv2.imencode('.jpg', np.zeros((640, 1000, 3)))[1].tobytes())
-        graph.wait_for_log('camera', 'cannot be the baseline', timeout=60)
+        graph.wait_for_log('camera', 'cannot be the baseline')
         put(photos, '00.jpg', camera.baseline())
-        graph.wait_for_log('imaging', 'baseline:', timeout=60)
+        graph.wait_for_log('imaging', 'baseline:')
         first = camera.photograph(plume(0.05), time=30.0)
         put(photos, '01.jpg', first)
-        states: list[Any] = graph.wait_for_messages('asset/new_state', 1, timeout=60)
+        states: list[Any] = graph.wait_for_messages('asset/new_state', 1)
         assert graph.messages['asset/clean_state'][0].cause == CleanState.START
 
         put(photos, '02.jpg', first)  # a camera that repeats its last photograph
-        graph.wait_for_log('camera', 'is a duplicate of', timeout=60)
+        graph.wait_for_log('camera', 'is a duplicate of')
         put(photos, '03.jpg', photographer(seed=99).photograph(plume(0.05), time=50.0))
-        graph.wait_for_log('imaging', 'does not match the baseline', timeout=60)
+        graph.wait_for_log('imaging', 'does not match the baseline')
         put(photos, '04.jpg', first[: len(first) // 2])
-        graph.wait_for_log('camera', 'truncated or broken', timeout=60)
+        graph.wait_for_log('camera', 'truncated or broken')
         put(photos, '05.jpg', camera.photograph(plume(0.06), time=60.0))
-        graph.wait_for_messages('asset/new_state', 2, timeout=60)
+        graph.wait_for_messages('asset/new_state', 2)
         put(photos, '06.jpg', camera.photograph(plume(0.06), time=45.0))
-        graph.wait_for_log('camera', 'out of order', timeout=60)
+        graph.wait_for_log('camera', 'out of order')
         put(photos, '07.jpg', camera.photograph(plume(0.07), time=90.0))
-        graph.wait_for_messages('asset/new_state', 3, timeout=60)
+        graph.wait_for_messages('asset/new_state', 3)
         put(photos, '08.jpg', camera.photograph(plume(0.08), time=420.0))
-        graph.wait_for_messages('asset/new_state', 4, timeout=60)
+        graph.wait_for_messages('asset/new_state', 4)
 
         assert [state.sequence for state in states] == [0, 1, 2, 3]
         np.testing.assert_allclose(
@@ -127,10 +127,9 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         graph.listener.wait_for(
             'imaging to start again',
             lambda: graph.log('imaging').count('baseline:') > lines,
-            timeout=60.0,
         )
         put(photos, '09.jpg', camera.photograph(plume(0.09), time=450.0))
-        graph.wait_for_messages('asset/new_state', 5, timeout=60)
+        graph.wait_for_messages('asset/new_state', 5)
         restarted = graph.messages['asset/clean_state'][-1]
         assert restarted.cause == CleanState.INTERRUPTED, restarted.reason
         assert restarted.reason == 'imaging was started again'
@@ -157,15 +156,15 @@ def test_states_wait_for_the_baseline_of_the_protocol_with_a_warning(
         ),
     ]
     with running_graph(nodes, tmp_path / 'run', domain) as graph:
-        graph.wait_for_publishers('asset/new_state')
+        graph.wait_until_heard('imaging')
         put(photos, '0a.jpg', camera.photograph(plume(0.03), time=10.0))
         put(photos, '0b.jpg', camera.photograph(plume(0.04), time=20.0))
-        graph.wait_for_log('imaging', 'no baseline yet, photographs wait for one', timeout=60)
-        graph.wait_for_log('camera', 'state photograph 0b.jpg', timeout=60)
+        graph.wait_for_log('imaging', 'no baseline yet, photographs wait for one')
+        graph.wait_for_log('camera', 'state photograph 0b.jpg')
         protocol.write_text(protocol.read_text() + '0,00.jpg,baseline\n30,01.jpg,state\n')
         put(photos, '01.jpg', camera.photograph(plume(0.05), time=30.0))
         put(photos, '00.jpg', camera.baseline())
-        states = graph.wait_for_messages('asset/new_state', 3, timeout=60)
+        states = graph.wait_for_messages('asset/new_state', 3)
         np.testing.assert_allclose(
             [seconds_from_msg(s.time_step) for s in states], [0, 10, 10], atol=1e-3
         )
@@ -173,8 +172,8 @@ def test_states_wait_for_the_baseline_of_the_protocol_with_a_warning(
         # a restarted camera declares a photograph with tracer a baseline
         protocol.write_text(protocol.read_text() + '40,02.jpg,baseline\n60,03.jpg,state\n')
         put(photos, '02.jpg', camera.photograph(plume(0.09), time=40.0))
-        graph.wait_for_log('imaging', 'as a new baseline it shows tracer on', timeout=60)
+        graph.wait_for_log('imaging', 'as a new baseline it shows tracer on')
         put(photos, '03.jpg', camera.photograph(plume(0.09), time=60.0))
-        first, *_, second = graph.wait_for_messages('asset/new_state', 4, timeout=60)
+        first, *_, second = graph.wait_for_messages('asset/new_state', 4)
         assert second.sequence == 3
         assert np.nansum(second.tracer.concentration) > np.nansum(first.tracer.concentration)

@@ -59,7 +59,7 @@ def run_loop(folder: Path, domain: int, *, namespace: str) -> tuple[list[Any], l
             ),
             timeout=180.0,
         )
-        graph.wait_for_messages('wells/setpoint', 5, timeout=10.0)
+        graph.wait_for_messages('wells/setpoint', 5)
         return graph.messages['asset/new_state'], graph.messages['wells/setpoint']
 
 

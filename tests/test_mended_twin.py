@@ -32,7 +32,6 @@ pytestmark = pytest.mark.graph
 
 RIG = Path(__file__).resolve().parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 INTERVAL_S = 60.0
-PATIENCE_S = 60.0
 RATES = {
     'injector': WellRate(from_ml_h(500.0), 1.0),
     'producer': WellRate(from_ml_h(-500.0)),
@@ -89,7 +88,7 @@ class Laboratory:
         return Diagnose.Result(verdict='rate', report=str(self.folder / 'report.html'))
 
     def wait(self, purpose: str, condition: Callable[[], bool]) -> None:
-        self.listener.wait_for(purpose, condition, timeout=PATIENCE_S)
+        self.listener.wait_for(purpose, condition)
 
     def photograph(self) -> None:
         """Pump for an interval, and publish rates, map and report."""
@@ -117,7 +116,7 @@ class Laboratory:
 
     def answer(self, sequence: int, *, accept: bool) -> Outcome:
         request = AnswerMend.Request(sequence=sequence, accept=accept)
-        answer = self.listener.answer('terminal', AnswerMend, 'mend/answer', request, PATIENCE_S)
+        answer = self.listener.answer('terminal', AnswerMend, 'mend/answer', request)
         return answer.outcome
 
     def effects_of_the_solver(self) -> list[str]:
@@ -169,4 +168,4 @@ def test_an_offer_acts_when_accepted_and_is_taken_back_when_photographs_disagree
     lab.diagnosis.destroy()
     for _ in range(22):
         lab.photograph()
-    graph.wait_for_log('mend', 'no diagnosis: its node does not run', timeout=PATIENCE_S)
+    graph.wait_for_log('mend', 'no diagnosis: its node does not run')

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from graph import RunningGraph, running_graph
+from patience import PATIENCE_S
 from refused_node import refusal
 
 from porotwin_core.basis.units import from_ml_h
@@ -34,8 +35,6 @@ GRID = '62x37'
 PHOTOGRAPHS = 18
 FAULTS = {13: 'truncated', 15: 'half_size', 16: 'black'}
 """Photographs that cannot be used, counted from 0."""
-START_S = 60.0
-"""Longest cold start of all nodes on a busy machine [s]."""
 
 
 @pytest.fixture(scope='module')
@@ -67,7 +66,7 @@ def mock_camera(session: Path, **parameters: str | float) -> NodeDescription:
         'mock_camera',
         'porotwin_rig',
         'mock_camera_node',
-        {'photos': str(session), 'startup_timeout_s': START_S, **parameters},
+        {'photos': str(session), 'startup_timeout_s': PATIENCE_S, **parameters},
     )
 
 
@@ -91,8 +90,8 @@ def test_a_camera_session_leads_to_setpoints_and_a_person_confirms_them(
 
 def check_setpoints(graph: RunningGraph, limits: Limits) -> None:
     """Check that setpoints keep the limits and follow from photographs."""
-    setpoints = graph.wait_for_messages('wells/setpoint', 6, timeout=START_S + 60.0)[:6]
-    reports = graph.wait_for_messages('hub/cycle', 6, timeout=30.0)
+    setpoints = graph.wait_for_messages('wells/setpoint', 6, timeout=2 * PATIENCE_S)[:6]
+    reports = graph.wait_for_messages('hub/cycle', 6)
     states = graph.messages['asset/new_state']
     stamps = {conversions.time_from_msg(state.header.stamp) for state in states}
     for setpoint in setpoints:
@@ -107,7 +106,6 @@ def check_setpoints(graph: RunningGraph, limits: Limits) -> None:
     graph.listener.wait_for(
         'the setpoint in the log of the operator',
         lambda: shown in graph.log('operator'),
-        timeout=30.0,
     )
     seen, _ = conversions.tracer_from_msg(states[-1].tracer)
     assert np.nanmax(seen) > 0.5
@@ -117,7 +115,7 @@ def check_confirmations(graph: RunningGraph, limits: Limits) -> None:
     """Check that the hub takes the rates that a person confirms."""
 
     def answer(request: ConfirmRates.Request) -> ConfirmRates.Response:
-        return graph.listener.answer('page', ConfirmRates, 'operator/confirm', request, 10.0)
+        return graph.listener.answer('page', ConfirmRates, 'operator/confirm', request)
 
     def confirm(wells: Any = ()) -> None:
         """Confirm the newest setpoint; the next one may come before the answer."""
@@ -139,14 +137,14 @@ def check_confirmations(graph: RunningGraph, limits: Limits) -> None:
         )
 
     confirm(other)
-    graph.listener.wait_for('a prediction with the confirmed rates', predicted_again, timeout=60.0)
+    graph.listener.wait_for('a prediction with the confirmed rates', predicted_again)
     unknown = answer(ConfirmRates.Request(sequence=999))
     assert 'setpoint 999 is not the newest' in unknown.outcome.message
 
 
 def check_unusable_photographs(graph: RunningGraph) -> None:
     """Check that every photograph that cannot be used costs one line, and the twin goes on."""
-    states = graph.wait_for_messages('asset/new_state', PHOTOGRAPHS - len(FAULTS), timeout=60.0)
+    states = graph.wait_for_messages('asset/new_state', PHOTOGRAPHS - len(FAULTS))
     broken = {30 * (number + 1) for number in FAULTS}
     stamps = [round(conversions.time_from_msg(state.header.stamp)) for state in states]
     assert not broken & set(stamps)
@@ -161,7 +159,7 @@ def check_unusable_photographs(graph: RunningGraph) -> None:
         reports = graph.messages['hub/cycle']
         return any(round(conversions.time_from_msg(r.header.stamp)) == last for r in reports)
 
-    graph.listener.wait_for('the report on the last photograph', reported, timeout=30.0)
+    graph.listener.wait_for('the report on the last photograph', reported)
 
 
 def test_an_unknown_well_in_rig_yaml_is_named_by_every_node(
@@ -205,9 +203,9 @@ def test_real_photographs_become_maps_predictions_and_setpoints(
     )
     began = time.time()
     with running_graph(live_graph(settings), tmp_path, domain) as graph:
-        graph.wait_for_log('solver', 'ready', timeout=START_S)
+        graph.wait_for_log('solver', 'ready')
         # files that are there before the camera looks may be old, and get no setpoint
-        graph.wait_for_log('camera', 'looking for new photographs', timeout=START_S)
+        graph.wait_for_log('camera', 'looking for new photographs')
         for name in ('tracer_1.jpg', 'tracer_0.jpg', 'tracer_2.jpg'):  # out of order
             data = (real_photographs / name).read_bytes()
             half = len(data) // 2
@@ -216,9 +214,9 @@ def test_real_photographs_become_maps_predictions_and_setpoints(
                 file.flush()
                 time.sleep(1.5)
                 file.write(data[half:])
-        states = graph.wait_for_messages('asset/new_state', 2, timeout=90.0)
-        setpoints = graph.wait_for_messages('wells/setpoint', 2, timeout=60.0)
-        graph.wait_for_messages('tracer/predicted', 2, timeout=60.0)
+        states = graph.wait_for_messages('asset/new_state', 2)
+        setpoints = graph.wait_for_messages('wells/setpoint', 2)
+        graph.wait_for_messages('tracer/predicted', 2)
         # the times in imaging.csv count from the start of the experiment: the files' times hold
         stamps = [conversions.time_from_msg(state.header.stamp) for state in states]
         assert began < stamps[0] < stamps[1] < time.time()

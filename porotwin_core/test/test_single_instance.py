@@ -8,13 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
+from patience import PATIENCE_S
 
 pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 pytestmark = pytest.mark.graph
-
-PATIENCE = 60.0
-"""Longest wait for a process [s]."""
 
 SCRIPT = """
 from rclpy.node import Node
@@ -43,7 +41,7 @@ def thing(*arguments: str, domain: int) -> Iterator[subprocess.Popen[str]]:
         yield process
     finally:
         process.kill()
-        process.communicate(timeout=PATIENCE)
+        process.communicate(timeout=PATIENCE_S)
 
 
 def first_line(process: subprocess.Popen[str]) -> str:
@@ -58,7 +56,7 @@ def test_a_second_node_of_a_name_is_refused_unless_it_is_elsewhere(domain: int) 
     with thing(domain=domain) as first:
         assert first_line(first) == 'made'
         with thing(domain=domain) as second, thing('-r', '__ns:=/other', domain=domain) as other:
-            output, errors = second.communicate(timeout=PATIENCE)
+            output, errors = second.communicate(timeout=PATIENCE_S)
             assert (second.returncode, output) == (2, '')
             assert errors.startswith('error: another node /thing runs in this ROS domain; stop it')
             assert len(errors.splitlines()) == 1
@@ -69,6 +67,6 @@ def test_a_restarted_node_is_not_locked_out_by_its_ghost(domain: int) -> None:
     with thing(domain=domain) as first:
         assert first_line(first) == 'made'
         first.send_signal(signal.SIGKILL)
-        first.wait(PATIENCE)
+        first.wait(PATIENCE_S)
     with thing(domain=domain) as second:
         assert first_line(second) == 'made'

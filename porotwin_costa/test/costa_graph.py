@@ -6,12 +6,13 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import rclpy
+from patience import PATIENCE_S, until
+from rcl_interfaces.srv import ListParameters
 from rclpy.action import ActionClient
 from rclpy.callback_groups import ReentrantCallbackGroup
 
@@ -24,9 +25,6 @@ from porotwin_costa.data.frames import Frames
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
 from porotwin_msgs.srv import Predict, Residual
-
-PATIENCE = 60.0
-"""Longest wait for anything [s]; starting a process with torch takes several on a busy machine."""
 
 GRID = '30x20'
 
@@ -53,7 +51,7 @@ class Client:
         """Return the result of a future."""
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
-        assert done.wait(PATIENCE), f'no answer in {PATIENCE} s'
+        assert done.wait(PATIENCE_S), f'no answer in {PATIENCE_S} s'
         return future.result()
 
     def call(self, service: Any, name: str, request: Any, *, vouched: bool = True) -> Any:
@@ -63,7 +61,7 @@ class Client:
             made = node.create_client(service, name, callback_group=self.group)
             self._clients[name] = made
         client = self._clients[name]
-        assert client.wait_for_service(PATIENCE), f'{name} absent after {PATIENCE} s'
+        assert client.wait_for_service(PATIENCE_S), f'{name} absent after {PATIENCE_S} s'
         if vouched and name in CALLERS:
             self.voucher.vouch(name, request)
         return self.wait(client.call_async(request))
@@ -76,7 +74,7 @@ class Client:
             made = ActionClient(self._terminal, Train, name, callback_group=self.group)
             self._clients[name] = made
         client = self._clients[name]
-        assert client.wait_for_server(PATIENCE)
+        assert client.wait_for_server(PATIENCE_S)
         if vouched:
             self.voucher.vouch(goals_of(name), request)
         handle = self.wait(client.send_goal_async(request, lambda m: feedback.append(m.feedback)))
@@ -86,11 +84,7 @@ class Client:
         self, reason: str, condition: Callable[[], bool], node: subprocess.Popen | None = None
     ) -> None:
         """Return when `condition` holds; else fail with `reason` and the output of `node`."""
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            if time.monotonic() > deadline:
-                raise AssertionError(f'{reason}\n{stop(node) if node else ""}')
-            time.sleep(0.05)
+        until(condition, lambda: f'{reason}\n{stop(node) if node else ""}')
 
     def spin(self, node: Any) -> None:
         """Call the callbacks of `node` as well, until the end."""
@@ -198,7 +192,6 @@ class Asset:
             lambda: all(one.get_subscription_count() for one in publishers),
             trainer,
         )
-        time.sleep(1.0)  # discovery is not symmetric: the trainer may not know us yet
 
     def state(self, time_s: float, concentration: np.ndarray) -> None:
         """Publish a state (nz, nx)."""
@@ -225,7 +218,11 @@ class Asset:
             seen = frames.concentration[n].copy()
             seen[:, HIDDEN] = np.nan
             self.state(begin + start, seen)
-            time.sleep(0.02)
+            self._wait_for_trainer()
+
+    def _wait_for_trainer(self) -> None:
+        """Return when the trainer has taken one message of each topic that waits there."""
+        self._client.call(ListParameters, 'trainer/list_parameters', ListParameters.Request())
 
     def close(self) -> None:
         """End the node, so that the next asset is the only one."""
@@ -233,6 +230,7 @@ class Asset:
         self._operator.destroy_node()
 
     def finish(self) -> None:
-        """Publish the end of the experiment, after the last state has arrived."""
-        time.sleep(0.5)  # topics may overtake each other
+        """Publish the end of the experiment, after all that was published before it."""
+        for _ in range(self._sequence):
+            self._wait_for_trainer()
         self._clean.publish(CleanState(cause=CleanState.FINISHED, reason='finished'))

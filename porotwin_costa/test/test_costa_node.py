@@ -9,11 +9,12 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from patience import until
 from refused_node import refusal
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
-from costa_graph import GRID, PATIENCE, start, stop  # noqa: E402
+from costa_graph import GRID, start, stop  # noqa: E402
 
 from porotwin_core.rig import EffectDescription  # noqa: E402
 from porotwin_core.ros import (  # noqa: E402
@@ -186,10 +187,8 @@ def test_training_runs_beside_the_services_and_can_be_cancelled(
     dataset.save(pairs)
     handle, feedback = client.action(dataset=str(pairs), epochs=100_000, seed=5)
     assert handle.accepted
-    until = time.monotonic() + PATIENCE
-    while not any(one.epoch for one in feedback) and time.monotonic() < until:
-        time.sleep(0.05)
-    first = next(one for one in feedback if one.epoch)  # those before tell that it prepares
+    # those before tell that it prepares
+    first = until(lambda: next((one for one in feedback if one.epoch), None))
     assert first.epoch == 1
     assert first.epochs == 100_000
     assert conversions.seconds_from_msg(first.remaining) > 0

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from diagnosis_examples import SMALL
+from patience import PATIENCE_S, until
 
 from porotwin_core.basis.units import DAY_S
 from porotwin_core.rates.wells import WellRate
@@ -31,17 +32,6 @@ from porotwin_recording.experiment.recording import open_recording  # noqa: E402
 
 pytestmark = pytest.mark.graph
 
-PATIENCE = 60.0
-"""Longest wait for an answer [s]; a busy machine needs a few."""
-
-
-def until(condition):
-    for _ in range(int(10 * PATIENCE)):
-        if condition():
-            return
-        threading.Event().wait(0.1)
-    raise AssertionError(f'the condition did not hold within {PATIENCE} s')
-
 
 class Graph:
     """The node and a client of it, each with an executor of its own."""
@@ -59,12 +49,12 @@ class Graph:
         self._thread = NodeThread(self.server, self.node, person, threads=4)
         self.voucher = Voucher(person)
         self.client = ActionClient(person, Diagnose, 'diagnosis/diagnose')
-        assert self.client.wait_for_server(PATIENCE)
+        assert self.client.wait_for_server(PATIENCE_S)
 
     def wait(self, future):
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
-        assert done.wait(PATIENCE), f'no answer in {PATIENCE} s'
+        assert done.wait(PATIENCE_S), f'no answer in {PATIENCE_S} s'
         return future.result()
 
     def goal(self, *, vouched=True, **fields):

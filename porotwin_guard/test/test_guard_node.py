@@ -1,11 +1,12 @@
 """Tests of the guard's node: one hub, one guard, and setpoints that reach the pumps."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import rclpy
+from patience import until
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
@@ -31,7 +32,7 @@ class Loop:
         self._context = context
         overrides = [
             Parameter('rig', value=str(SMALL_RIG)),
-            Parameter('asset_timeout_s', value=0.3),
+            Parameter('asset_timeout_s', value=120.0),  # longer than a test waits
             Parameter('use_sim_time', value=simulated),
         ]
         self.guard = GuardNode(context=context, parameter_overrides=overrides)
@@ -45,8 +46,8 @@ class Loop:
         self.pumps.create_subscription(
             Setpoint, 'wells/setpoint', lambda m: self.published.append(m.sequence), qos.SETPOINT
         )
-        self.wait_until(self.control.service_is_ready)
-        self.wait_until(lambda: self.guard.count_subscribers('wells/setpoint') > 0)
+        until(self.control.service_is_ready)
+        until(lambda: self.guard.count_subscribers('wells/setpoint') > 0)
 
     def node(self, name: str) -> Node:
         node = rclpy.create_node(name, context=self._context)
@@ -58,18 +59,12 @@ class Loop:
 
     def attach_pumps(self) -> None:
         self.pumps.create_service(Control, 'asset/control', self._on_control)
-        self.wait_until(lambda: 'asset/control' in str(self.guard.get_service_names_and_types()))
+        until(lambda: 'asset/control' in str(self.guard.get_service_names_and_types()))
 
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         self.pumped.append(request.setpoint.sequence)
         response.outcome = conversions.ok()
         return response
-
-    def wait_until(self, condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + 60.0
-        while not condition():
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
 
     def send(
         self, sequence: int, control1_ml_h: float = 100.0, taken: float | None = None
@@ -91,7 +86,7 @@ class Loop:
         request = Control.Request(setpoint=setpoint)
         self.voucher.vouch('guard/control', request)
         future = self.control.call_async(request)
-        self.wait_until(future.done)
+        until(future.done)
         return future.result().outcome
 
 
@@ -113,19 +108,19 @@ def test_only_valid_setpoints_of_the_only_hub_reach_the_pumps(loop: Loop) -> Non
     assert "well 'control1': 900 ml/h" in refused.message
     stranger = loop.node('stranger')
     client = stranger.create_client(Control, 'guard/control')
-    loop.wait_until(client.service_is_ready)
+    until(client.service_is_ready)
     assert '/stranger calls guard/control too' in loop.send(4).message
     stranger.destroy_client(client)
-    loop.wait_until(lambda: loop.send(5 + time.monotonic_ns()).code == Outcome.OK)
+    until(lambda: loop.send(5 + time.monotonic_ns()).code == Outcome.OK)
     publisher = stranger.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
-    loop.wait_until(lambda: loop.guard.count_publishers('wells/setpoint') == 2)
+    until(lambda: loop.guard.count_publishers('wells/setpoint') == 2)
     refused = loop.send(6 + time.monotonic_ns())
     assert '/stranger publishes wells/setpoint too' in refused.message
     stranger.destroy_publisher(publisher)
-    loop.wait_until(lambda: loop.guard.count_publishers('wells/setpoint') == 1)
+    until(lambda: loop.guard.count_publishers('wells/setpoint') == 1)
     loop.node('hub').create_client(Control, 'guard/control')
-    loop.wait_until(lambda: '2 nodes /hub' in loop.send(7 + time.monotonic_ns()).message)
-    loop.wait_until(lambda: loop.pumped == loop.published)  # only what the pumps took
+    until(lambda: '2 nodes /hub' in loop.send(7 + time.monotonic_ns()).message)
+    until(lambda: loop.pumped == loop.published)  # only what the pumps took
 
 
 def test_no_setpoint_counts_as_pumped_while_a_foreign_node_answers_for_the_pumps(
@@ -172,16 +167,16 @@ def simulated(domain: int) -> Iterator[Loop]:
 def test_in_simulated_time_a_guard_without_a_clock_passes_nothing(simulated: Loop) -> None:
     assert 'nobody publishes /clock' in simulated.send(1, taken=8e8).message
     clock = simulated.node('virtual_rig').create_publisher(Clock, '/clock', qos.CLOCK)
-    simulated.wait_until(lambda: clock.get_subscription_count() > 0)
+    until(lambda: clock.get_subscription_count() > 0)
     clock.publish(Clock(clock=conversions.time_to_msg(0.0)))
-    simulated.wait_until(lambda: simulated.guard._simulated_time is not None)
+    until(lambda: simulated.guard._simulated_time is not None)
     assert 'in the future' in simulated.send(2, taken=8e8).message
     assert simulated.send(3, taken=0.0).code == Outcome.OK
 
 
 def test_in_simulated_time_a_guard_takes_no_foreign_clock(simulated: Loop) -> None:
     clock = simulated.node('stranger').create_publisher(Clock, '/clock', qos.CLOCK)
-    simulated.wait_until(lambda: clock.get_subscription_count() > 0)
+    until(lambda: clock.get_subscription_count() > 0)
     clock.publish(Clock(clock=conversions.time_to_msg(8e8)))
     assert clock.wait_for_all_acked()
     assert '/stranger publishes /clock too' in simulated.send(1, taken=8e8).message

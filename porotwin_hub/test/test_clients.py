@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+from patience import PATIENCE_S
 from rclpy.callback_groups import ReentrantCallbackGroup
 
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
@@ -20,9 +21,6 @@ from porotwin_hub.models.forecast import ModelUnavailable
 from porotwin_msgs.srv import Cancel, CostGradient, Predict
 
 pytestmark = pytest.mark.graph
-
-PATIENCE = 60.0
-"""Longest wait for another thread [s]."""
 
 
 class SlowSolver:
@@ -44,7 +42,7 @@ class SlowSolver:
     def _predict(self, request: Any, response: Any) -> Any:
         self.token = request.token
         if self.field is None:
-            self.cancelled.wait(PATIENCE)
+            self.cancelled.wait(PATIENCE_S)
         else:
             response.predicted = self.field
         return response
@@ -70,14 +68,14 @@ def test_a_prediction_that_takes_too_long_is_cancelled(solver: SlowSolver, small
     model = PhysicsModelClient(call, grid)
     with pytest.raises(ModelUnavailable, match=r"'solver/predict' did not answer within 0.5 s"):
         model.predict(np.zeros(grid.shape), {}, 30.0)
-    assert solver.cancelled.wait(PATIENCE)
+    assert solver.cancelled.wait(PATIENCE_S)
 
 
 def test_a_request_to_a_solver_that_is_started_again_is_lost_at_once(
     solver: SlowSolver, small_rig: Rig
 ) -> None:
     grid = small_rig.grid(4, 3)
-    model = PhysicsModelClient(Caller(solver.node, timeout=10 * PATIENCE), grid)
+    model = PhysicsModelClient(Caller(solver.node, timeout=10 * PATIENCE_S), grid)
 
     again = rclpy.create_node('solver', context=solver.node.context)
     start_again = partial(
@@ -93,7 +91,7 @@ def test_an_answer_is_not_believed_while_another_node_could_have_given_it(
 ) -> None:
     grid = small_rig.grid(4, 3)
     solver.field = conversions.tracer_to_msg(np.zeros(grid.shape), grid, 0.0)
-    model = PhysicsModelClient(Caller(solver.node, timeout=PATIENCE), grid)
+    model = PhysicsModelClient(Caller(solver.node, timeout=PATIENCE_S), grid)
     rogue = rclpy.create_node('rogue', context=solver.node.context)
     service = rogue.create_service(Predict, 'solver/predict', lambda _, response: response)
     with pytest.raises(ModelUnavailable, match='/rogue offers solver/predict too, and only /solv'):
@@ -106,7 +104,7 @@ def test_a_node_that_comes_while_the_solver_works_ends_the_wait(
     solver: SlowSolver, small_rig: Rig
 ) -> None:
     grid = small_rig.grid(4, 3)
-    model = PhysicsModelClient(Caller(solver.node, timeout=10 * PATIENCE), grid)
+    model = PhysicsModelClient(Caller(solver.node, timeout=10 * PATIENCE_S), grid)
     rogue = rclpy.create_node('rogue', context=solver.node.context)
     offer = partial(rogue.create_service, Predict, 'solver/predict', lambda _, response: response)
     threading.Timer(1.0, offer).start()
@@ -117,7 +115,7 @@ def test_a_node_that_comes_while_the_solver_works_ends_the_wait(
 def test_an_answer_that_is_no_concentration_is_refused(solver: SlowSolver, small_rig: Rig) -> None:
     grid = small_rig.grid(4, 3)
     solver.field = conversions.tracer_to_msg(np.full(grid.shape, 1e30), grid, 0.0)
-    model = PhysicsModelClient(Caller(solver.node, timeout=PATIENCE), grid)
+    model = PhysicsModelClient(Caller(solver.node, timeout=PATIENCE_S), grid)
     with pytest.raises(ModelUnavailable, match="'solver/predict' answers wrongly: tracer field"):
         model.predict(np.zeros(grid.shape), {}, 30.0)
 

@@ -1,13 +1,13 @@
 """Tests of the hub's node: states and rates in, setpoints, forecasts and reports out."""
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 import rclpy
 from hub_examples import SMALL_RIG
+from patience import PATIENCE_S, until
 from rclpy.parameter import Parameter
 
 from porotwin_core.geometry.grid import FloatArray, Grid
@@ -43,7 +43,7 @@ class Asset:
             Parameter('rig', value=str(SMALL_RIG)),
             Parameter('grid', value='20x12'),
             Parameter('evaluations', value=12),
-            Parameter('model_timeout_s', value=0.1),
+            Parameter('model_timeout_s', value=PATIENCE_S),
             Parameter('use_sim_time', value=True),
         ]
         self.hub = HubNode(
@@ -66,8 +66,8 @@ class Asset:
         self.guard.create_service(Control, 'guard/control', self._on_control)
         self._thread = NodeThread(self.hub, self.peer, self.guard, self.imaging)
         publishers = (self.states, self.refreshed, self.measured)
-        self.wait_until(lambda: all(one.get_subscription_count() for one in publishers))
-        self.wait_until(lambda: self.hub.count_subscribers('hub/cycle') > 0)
+        until(lambda: all(one.get_subscription_count() for one in publishers))
+        until(lambda: self.hub.count_subscribers('hub/cycle') > 0)
 
     def close(self) -> None:
         self._thread.end()
@@ -77,12 +77,6 @@ class Asset:
         response.outcome = conversions.ok()
         return response
 
-    def wait_until(self, condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + 20.0
-        while not condition():
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
-
     def emit(self, sequence: int, stamp: float, concentration: FloatArray, grid: Grid) -> None:
         """Publish a state and its refreshed message, and wait for the report."""
         header = conversions.header_at(stamp)
@@ -90,7 +84,7 @@ class Asset:
         count = len(self.reports)
         self.states.publish(NewState(header=header, sequence=sequence, tracer=tracer))
         self.refreshed.publish(StateRefreshed(header=header, sequence=sequence))
-        self.wait_until(lambda: len(self.reports) > count)
+        until(lambda: len(self.reports) > count)
 
 
 @pytest.fixture
@@ -109,7 +103,7 @@ def test_rates_measured_beside_the_setpoint_reach_the_prediction(
     limits = Limits.of(small_rig)
     state = np.full(grid.shape, 0.25)
     asset.emit(1, 30.0, state, grid)
-    asset.wait_until(lambda: len(asset.setpoints) == 1)
+    until(lambda: len(asset.setpoints) == 1)
     assert limits.violations(conversions.rates_from_msg(asset.setpoints[0].wells)) == []
     pumped = limits.setpoint(np.full(3, limits.max_rate / 4))
     asset.measured.publish(
@@ -119,7 +113,7 @@ def test_rates_measured_beside_the_setpoint_reach_the_prediction(
             wells=conversions.rates_to_msg(pumped),
         )
     )
-    time.sleep(0.5)
+    assert asset.measured.wait_for_all_acked()
     asset.emit(2, 60.0, Slope().predict(state, pumped, 30.0), grid)
     report = asset.reports[-1]
     assert report.sequence == 2
@@ -134,10 +128,10 @@ def test_rates_are_not_used_while_a_foreign_node_could_send_them(
     limits = Limits.of(small_rig)
     stranger = rclpy.create_node('stranger', context=asset.peer.context)
     forged = stranger.create_publisher(WellRatesMessage, 'wells/measured', qos.FIELD)
-    asset.wait_until(lambda: forged.get_subscription_count() > 0)
+    until(lambda: forged.get_subscription_count() > 0)
     state = np.full(grid.shape, 0.25)
     asset.emit(1, 30.0, state, grid)
-    asset.wait_until(lambda: len(asset.setpoints) == 1)
+    until(lambda: len(asset.setpoints) == 1)
     pumped = conversions.rates_from_msg(asset.setpoints[0].wells)
     wrong = limits.setpoint(np.full(3, limits.max_rate / 10))
     forged.publish(
@@ -147,7 +141,7 @@ def test_rates_are_not_used_while_a_foreign_node_could_send_them(
             wells=conversions.rates_to_msg(wrong),
         )
     )
-    time.sleep(0.5)
+    assert forged.wait_for_all_acked()
     asset.emit(2, 60.0, Slope().predict(state, pumped, 30.0), grid)
     report = asset.reports[-1]
     assert report.prediction_error < 1e-6
@@ -164,7 +158,7 @@ def test_nobody_switches_control_off_and_other_changes_are_told(
     (taken,) = asset.hub.set_parameters([Parameter('evaluations', value=3)])
     assert taken.successful
     asset.emit(1, 30.0, np.full(grid.shape, 0.25), grid)
-    asset.wait_until(lambda: len(asset.setpoints) == 1)
+    until(lambda: len(asset.setpoints) == 1)
     assert any('was set to 3 while the hub runs' in line for line in asset.reports[0].remarks)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rclpy
 from hub_examples import SMALL_RIG
+from patience import until
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
@@ -66,10 +67,7 @@ class Desk:
         return made
 
     def spin_until(self, condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + 20.0
-        while not condition():
-            assert time.monotonic() < deadline
-            self.executor.spin_once(timeout_sec=0.1)
+        until(condition, look=self.executor.spin_once)
 
     def spin_for(self, seconds: float) -> None:
         deadline = time.monotonic() + seconds

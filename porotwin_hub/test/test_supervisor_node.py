@@ -5,12 +5,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from patience import until
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
 
@@ -78,13 +79,6 @@ class Ear:
 
     def wait_for(self, name: str, level: bytes, text: str = '') -> None:
         until(lambda: any(h[:2] == (name, level) and text in h[2] for h in self.heard), self.heard)
-
-
-def until(condition: Callable[[], bool], shown: object = '') -> None:
-    deadline = time.monotonic() + 90.0
-    while not condition():
-        assert time.monotonic() < deadline, shown
-        time.sleep(0.1)
 
 
 @pytest.fixture

@@ -1,11 +1,10 @@
 """Maps and rates for foreign viewers, read back from a bag by readers that know nothing of ours."""
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from patience import until
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
@@ -23,6 +22,7 @@ from porotwin_core.ros.senders import SENDERS  # noqa: E402
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, TracerField  # noqa: E402
 from porotwin_page.display_node import DisplayNode, topic_part  # noqa: E402
 from porotwin_page.map_pictures import colour_table  # noqa: E402
+from porotwin_recording.mcap.bag_reader import BagReader  # noqa: E402
 from porotwin_recording.recorder_node import RecorderNode  # noqa: E402
 
 pytestmark = pytest.mark.graph
@@ -44,7 +44,7 @@ def recorded(domain: int, bag: Path) -> None:
     publishers = {name: nodes[name].create_publisher(kind, name, 8) for name, kind in kinds.items()}
     thread = NodeThread(recorder, display, *nodes.values(), threads=4)
     try:
-        wait(lambda: all(one.get_subscription_count() == 2 for one in publishers.values()))
+        until(lambda: all(one.get_subscription_count() == 2 for one in publishers.values()))
         header = conversions.header_at(30.0)
         tracer = conversions.tracer_to_msg(VALUES, GRID, 30.0)
         rates = {'Zufluss 2/ä': WellRate(from_ml_h(200.0)), 'zu': WellRate()}
@@ -55,19 +55,13 @@ def recorded(domain: int, bag: Path) -> None:
         publishers['hub/cycle'].publish(
             CycleReport(prediction_error=0.25, corrected_error=np.nan, disallowed_tracer=2e-6)
         )
-        wait(lambda: len(display._made) == 11)
+        until(lambda: len(display._made) == 11)
         topics = [f'display/{name}' for name in display._made]
-        wait(lambda: all(display.count_subscribers(topic) == 1 for topic in topics))
-        time.sleep(0.5)  # the recorder has asked for the last messages, which are on their way
+        until(lambda: all(display.count_subscribers(topic) == 1 for topic in topics))
+        sent = {f'/{topic}' for topic in topics if 'corrected' not in topic}
+        until(lambda: sent <= {one.topic for one in BagReader(bag).messages()})
     finally:
         thread.end()
-
-
-def wait(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def test_other_readers_see_maps_and_numbers_in_a_bag(domain: int, tmp_path: Path) -> None:

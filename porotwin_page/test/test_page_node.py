@@ -14,10 +14,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import patience
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from page_examples import GRID, RIG, RIG_FILE, TOKEN, map_at, ml_h, rates
+from patience import PATIENCE_S
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -45,8 +47,6 @@ from porotwin_page.address import listen
 from porotwin_page.mend_answer import LONGEST_ANSWER_S
 
 pytestmark = pytest.mark.graph
-
-TIMEOUT_S = 60.0
 
 
 def free_address() -> str:
@@ -81,21 +81,22 @@ def page(address: str, *parameters: str) -> Iterator[subprocess.Popen]:
         yield process
     finally:
         process.terminate()
-        process.communicate(timeout=20)
+        process.communicate(timeout=PATIENCE_S)
 
 
 def until(condition: Callable[[], Any], what: str) -> Any:
-    end = time.monotonic() + TIMEOUT_S
-    while time.monotonic() < end:
+    """Return what `condition` returns once it is true; a page that does not answer yet is not."""
+
+    def answered() -> Any:
         with contextlib.suppress(OSError):
-            if found := condition():
-                return found
-        time.sleep(0.1)
-    raise AssertionError(f'{what} did not happen within {TIMEOUT_S:g} s')
+            return condition()
+        return None
+
+    return patience.until(answered, what, look=lambda _: time.sleep(0.1))
 
 
 def newest_event(address: str) -> dict:
-    with urllib.request.urlopen(f'http://{address}/events', timeout=5) as response:
+    with urllib.request.urlopen(f'http://{address}/events', timeout=PATIENCE_S) as response:
         return json.loads(response.readline().removeprefix(b'data: '))
 
 
@@ -106,7 +107,7 @@ def post(address: str, body: dict, what: str = 'confirm') -> tuple[int, dict]:
         {'Content-Type': 'application/json', 'Authorization': f'Bearer {TOKEN}'},
     )
     try:
-        with urllib.request.urlopen(request, timeout=20) as response:
+        with urllib.request.urlopen(request, timeout=PATIENCE_S) as response:
             return response.status, json.load(response)
     except urllib.error.HTTPError as error:
         return error.code, json.load(error)
@@ -265,7 +266,9 @@ def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub, tmp_pat
         errors = shown['history']['points'][0]['values']['forecast_error']
         assert errors['model alone'] == pytest.approx(20.0)
         assert errors['corrected'] is None
-        with urllib.request.urlopen(f'http://{address}/map/difference.png', timeout=5) as response:
+        with urllib.request.urlopen(
+            f'http://{address}/map/difference.png', timeout=PATIENCE_S
+        ) as response:
             assert response.read().startswith(b'\x89PNG')
         health = until(
             lambda: (
@@ -417,10 +420,10 @@ def test_an_interrupt_while_browsers_watch_ends_the_page_with_status_0() -> None
     address = free_address()
     process = start_page(address, f'rig:={RIG_FILE}')
     until(lambda: newest_event(address)['panels']['node_health'], 'the names of the nodes')
-    with urllib.request.urlopen(f'http://{address}/events', timeout=5) as watching:
+    with urllib.request.urlopen(f'http://{address}/events', timeout=PATIENCE_S) as watching:
         watching.readline()
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=TIMEOUT_S)
+        output, _ = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, output
     (line,) = output.strip().splitlines()
     assert f'page: http://{address}/#token=' in line
@@ -445,7 +448,7 @@ def test_an_interrupt_while_an_answer_is_awaited_ends_the_page(hub, tmp_path) ->
         until(lambda: newest_event(address), 'an event')
         asking = threading.Thread(target=ask)
         asking.start()
-        assert asked.wait(TIMEOUT_S)
+        assert asked.wait(PATIENCE_S)
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=LONGEST_ANSWER_S / 2)
         assert process.returncode == 0, output

@@ -1,7 +1,7 @@
 """Tests of the node of the pumps, with simulated pumps on a pseudo-terminal."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 
 pytest.importorskip('serial', reason='needs pyserial; set it up with ./porotwin')
 
+from patience import until
 from pump_line import PumpLine
 
 from porotwin_core.basis.units import from_ml_h, to_ml_h
@@ -54,7 +55,7 @@ class Rack:
         self.guard.create_subscription(WellRates, 'wells/measured', self.measured.append, qos.FIELD)
         self.guard.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, 10)
         self._thread = NodeThread(self.pumps, self.guard, threads=4)
-        self.wait_until(self.control.service_is_ready)
+        until(self.control.service_is_ready)
 
     def close(self) -> None:
         self._thread.end()
@@ -62,12 +63,6 @@ class Rack:
 
     def _on_health(self, message: DiagnosticArray) -> None:
         self.health += [status.message for status in message.status]
-
-    def wait_until(self, condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + 60.0
-        while not condition():
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
 
     def running(self) -> list[float]:
         return [pytest.approx(pump.running_ml_h) for pump in self.line.pumps]
@@ -88,7 +83,7 @@ class Rack:
         request = Control.Request(setpoint=setpoint)
         self.voucher.vouch('asset/control', request)
         future = self.control.call_async(request)
-        self.wait_until(future.done)
+        until(future.done)
         return future.result().outcome
 
 
@@ -105,20 +100,20 @@ def test_setpoints_are_pumped_measured_and_end_in_safe_rates(rack: Rack) -> None
     assert rack.running() == SAFE_ML_H
     assert rack.send(100.0).code == Outcome.OK
     assert rack.running() == [500.0, -600.0, 100.0, 0.0, 0.0]
-    rack.wait_until(lambda: any(close_to(m, 'control1', 100.0) for m in rack.measured))
+    until(lambda: any(close_to(m, 'control1', 100.0) for m in rack.measured))
     stranger = rclpy.create_node('stranger', context=rack.guard.context)
     client = stranger.create_client(Control, 'asset/control')
-    rack.wait_until(client.service_is_ready)
+    until(client.service_is_ready)
     assert '/stranger calls asset/control too' in rack.send(200.0).message
     stranger.destroy_node()
-    rack.wait_until(lambda: rack.send(50.0, validity=1.5).code == Outcome.OK)
-    rack.wait_until(lambda: rack.running() == SAFE_ML_H)
-    rack.wait_until(lambda: any('ended and none followed' in line for line in rack.health))
+    until(lambda: rack.send(50.0, validity=1.5).code == Outcome.OK)
+    until(lambda: rack.running() == SAFE_ML_H)
+    until(lambda: any('ended and none followed' in line for line in rack.health))
     rack.line.silent = {3}
-    rack.wait_until(lambda: any("the pump of 'control2'" in line for line in rack.health))
+    until(lambda: any("the pump of 'control2'" in line for line in rack.health))
     assert "the pump of 'control2'" in rack.send(100.0).message
     rack.line.silent.clear()
-    rack.wait_until(lambda: rack.send(100.0).code == Outcome.OK)
+    until(lambda: rack.send(100.0).code == Outcome.OK)
 
 
 def close_to(message: WellRates, well: str, rate_ml_h: float) -> bool:
@@ -135,4 +130,4 @@ def test_a_setpoint_ends_during_a_suspend_of_the_computer(
     )
     assert rack.send(100.0).code == Outcome.OK
     slept = 600.0
-    rack.wait_until(lambda: rack.running() == SAFE_ML_H)
+    until(lambda: rack.running() == SAFE_ML_H)

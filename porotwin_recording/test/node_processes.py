@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from recording_examples import bench_rig, eventually
+from patience import PATIENCE_S, until
+from recording_examples import bench_rig
 
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_recording.experiment.bag_conversion import import_experiment
@@ -45,14 +46,14 @@ class Process:
         Raises:
             AssertionError: it ended without, or took too long.
         """
-        assert eventually(lambda: text in self.output or self.popen.poll() is not None)
+        until(lambda: text in self.output or self.popen.poll() is not None)
         assert text in self.output, self.output
 
     def stop(self, number: int = signal.SIGINT) -> int:
         """Send a signal unless the process has ended, and return its exit status."""
         if self.popen.poll() is None:
             self.popen.send_signal(number)
-        return self.popen.wait(timeout=60)
+        return self.popen.wait(timeout=PATIENCE_S)
 
 
 @contextmanager
@@ -109,8 +110,8 @@ def record_replay(tmp_path: Path, bag: Path, **parameters: object) -> BagReader:
         node(tmp_path / 'recorder.log', 'recorder_node', output=output, use_sim_time=True) as rec,
         node(tmp_path / 'player.log', 'player_node', bag=bag, discovery_s=20.0, **parameters) as p,
     ):
-        assert p.popen.wait(timeout=100) == 0, p.output
-        assert eventually(lambda: 'played' in p.output)
+        assert p.popen.wait(timeout=PATIENCE_S) == 0, p.output
+        until(lambda: 'played' in p.output)
         assert rec.stop() == 0, rec.output
         assert ' 0 lost' in rec.output
     return BagReader(output)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from node_processes import FRAMES, Process, by_topic, node, record_replay, write_minute_bag
+from patience import PATIENCE_S
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from refused_node import refusal
@@ -52,9 +53,15 @@ rclpy.spin(node)
 """
 
 
-@pytest.fixture
-def bag(tmp_path: Path) -> Path:
-    return write_minute_bag(tmp_path)
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_minute_bag(tmp_path_factory.mktemp('minute'))
+
+
+@pytest.fixture(scope='module')
+def inputs(tmp_path_factory: pytest.TempPathFactory, bag: Path) -> BagReader:
+    """A replay with the defaults, recorded."""
+    return record_replay(tmp_path_factory.mktemp('inputs'), bag, rate=0.0)
 
 
 def test_a_recorded_replay_is_the_recording(tmp_path: Path, bag: Path) -> None:
@@ -86,9 +93,8 @@ def test_a_replay_from_the_middle_has_the_clock_and_the_latched_topics(
     assert recorded.end_time <= IMPORT_START + 2 * FRAMES * SECOND
 
 
-def test_only_the_inputs_of_the_twin_are_played_by_default(tmp_path: Path, bag: Path) -> None:
-    recorded = record_replay(tmp_path, bag, rate=0.0)
-    played = {name for name, topic in recorded.topics.items() if topic.message_count}
+def test_only_the_inputs_of_the_twin_are_played_by_default(inputs: BagReader) -> None:
+    played = {name for name, topic in inputs.topics.items() if topic.message_count}
     assert {name for name in played if name.startswith('/porotwin')} == {
         '/porotwin/camera/image/compressed',
         '/porotwin/camera/baseline/compressed',
@@ -97,11 +103,10 @@ def test_only_the_inputs_of_the_twin_are_played_by_default(tmp_path: Path, bag: 
 
 
 def test_setpoints_without_measured_rates_are_told_again_at_each_photograph(
-    tmp_path: Path, bag: Path
+    inputs: BagReader,
 ) -> None:
-    recorded = record_replay(tmp_path, bag, rate=0.0)
     photographs, rates = (
-        {stamp_of(message.data) for message in recorded.messages([f'/porotwin/{name}'])}
+        {stamp_of(message.data) for message in inputs.messages([f'/porotwin/{name}'])}
         for name in ('camera/image/compressed', 'wells/measured')
     )
     assert len(photographs) == FRAMES - 1
@@ -114,7 +119,7 @@ def test_a_slow_graph_receives_every_photograph_in_lock_step(tmp_path: Path, bag
         with node(
             tmp_path / 'player.log', 'player_node', bag=bag, rate=0.0, lockstep='hub/cycle'
         ) as player:
-            assert player.popen.wait(timeout=100) == 0, player.output
+            assert player.popen.wait(timeout=PATIENCE_S) == 0, player.output
         assert 'going on' not in player.output
         answerer.wait_for_output(f'seen {FRAMES - 1}')
     finally:
@@ -125,7 +130,7 @@ def test_lock_step_without_the_answering_node_plays_nothing(tmp_path: Path, bag:
     with node(
         tmp_path / 'player.log', 'player_node', bag=bag, lockstep='hub/cycle', discovery_s=0.5
     ) as player:
-        assert player.popen.wait(timeout=100) == 1, player.output
+        assert player.popen.wait(timeout=PATIENCE_S) == 1, player.output
     (line,) = [line for line in player.output.splitlines() if 'ERROR' in line]
     assert 'waited 0.5 s for the node that answers in lock-step' in line
     assert 'nothing was played; start ./porotwin up --replay' in line
@@ -136,7 +141,7 @@ def test_a_graph_in_real_time_is_named_and_refused(tmp_path: Path, bag: Path) ->
     try:
         hub.wait_for_output('ready')
         with node(tmp_path / 'player.log', 'player_node', bag=bag) as player:
-            assert player.popen.wait(timeout=100) == 1, player.output
+            assert player.popen.wait(timeout=PATIENCE_S) == 1, player.output
     finally:
         hub.stop(signal.SIGKILL)
     (line,) = [line for line in player.output.splitlines() if 'ERROR' in line]

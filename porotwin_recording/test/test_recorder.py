@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recording_examples import STRING, eventually
+from patience import until
+from recording_examples import STRING
 
 from porotwin_core.basis.errors import InputError
 from porotwin_recording.live.recorder import LossCounter, Recorder
@@ -60,7 +61,7 @@ def test_messages_are_flushed_every_second(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / 'run.mcap', say=str)
     recorder.add_topic('/t', STRING, TopicQos())
     recorder.record('/t', b'one', log_time=1, publish_time=1)
-    assert eventually(lambda: BagReader(tmp_path / 'run.mcap').message_count == 1)
+    until(lambda: BagReader(tmp_path / 'run.mcap').message_count == 1)
     recorder.stop()
 
 
@@ -92,13 +93,13 @@ def test_recording_continues_after_a_full_disk(tmp_path: Path) -> None:
     try:
         # the kernel lets no file of this process grow beyond this limit
         resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, hard))
-        assert eventually(lambda: counting.record_one() and bool(said))
+        until(lambda: counting.record_one() and bool(said))
         assert 'the disk refuses data' in said[0]
         while recorder.dropped == 0:
             counting.record_one()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert eventually(lambda: any('recording continues' in text for text in said[1:]))
+    until(lambda: any('recording continues' in text for text in said[1:]))
     counting.record_one()
     recorder.stop()
     bag = BagReader(tmp_path / 'run.mcap')
@@ -119,7 +120,7 @@ def test_on_a_disk_that_stays_full_the_counts_are_the_readable_ones(tmp_path: Pa
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, hard))
-        assert eventually(lambda: counting.record_one() and recorder.disk_refuses)
+        until(lambda: counting.record_one() and recorder.disk_refuses)
         recorder.stop()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -137,10 +138,10 @@ def test_a_bag_that_is_removed_while_it_is_recorded_comes_back(tmp_path: Path) -
     recorder = Recorder(tmp_path / 'run', say=str, warn=said.append)
     recorder.add_topic('/t', STRING, TopicQos())
     recorder.record('/t', b'one', log_time=1, publish_time=1)
-    assert eventually(lambda: recorder.message_count == 1)
+    until(lambda: recorder.message_count == 1)
     shutil.rmtree(tmp_path / 'run')
     recorder.record('/t', b'two', log_time=2, publish_time=2)
-    assert eventually(lambda: recorder.message_count == 2)
+    until(lambda: recorder.message_count == 2)
     shutil.rmtree(tmp_path / 'run')
     recorder.stop()
     assert not recorder.failed

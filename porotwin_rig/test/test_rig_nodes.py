@@ -3,13 +3,13 @@
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from patience import PATIENCE_S, until
 from refused_node import refusal
 from rig_examples import make_rig, rates
 
@@ -35,9 +35,6 @@ from porotwin_msgs.srv import Control, Ping  # noqa: E402
 from porotwin_rig import virtual_rig_node  # noqa: E402
 
 pytestmark = pytest.mark.graph
-
-PATIENCE = 60.0
-"""Longest wait for an event [s], on a busy machine."""
 
 
 class Twin:
@@ -113,8 +110,8 @@ class Twin:
 def start(
     module: str, namespace: str = '/porotwin', **parameters: object
 ) -> subprocess.Popen[bytes]:
-    command = [sys.executable, '-m', f'porotwin_rig.{module}', '--ros-args']
-    command += ['-r', f'__ns:={namespace}']
+    soon = f'from porotwin_rig import {module} as node; node.SETTLE_S = 1.0; node.main()'
+    command = [sys.executable, '-c', soon, '--ros-args', '-r', f'__ns:={namespace}']
     for name, value in parameters.items():
         command += ['-p', f'{name}:={value}']
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
@@ -122,7 +119,7 @@ def start(
 
 def end(process: subprocess.Popen[bytes]) -> str:
     try:
-        output, _ = process.communicate(timeout=PATIENCE)
+        output, _ = process.communicate(timeout=PATIENCE_S)
     except subprocess.TimeoutExpired:
         process.kill()
         output, _ = process.communicate()
@@ -149,12 +146,10 @@ def lock_step(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Twin, 
         truth=folder / 'truth.nc',
         grid='60x40',
     )
-    begun = time.monotonic()
-    while not twin.of('photo') and time.monotonic() - begun < PATIENCE:
-        time.sleep(0.05)
-    assert twin.ping.wait_for_service(5.0)
+    until(lambda: twin.of('photo'))
+    assert twin.ping.wait_for_service(PATIENCE_S)
     answer = twin.ping.call_async(Ping.Request())
-    twin.finished.wait(PATIENCE)
+    twin.finished.wait(PATIENCE_S)
     output = end(process)
     assert process.returncode == 0, output
     assert answer.result().name == 'virtual rig'
@@ -264,8 +259,8 @@ def test_mock_camera_publishes_a_folder_with_its_faults(tmp_path: Path) -> None:
         period_s=0.2,
         faults='1:truncated,2:duplicate,3:missing',
     )
+    until(lambda: len(twin.of('photo')) == 4 and twin.of('baseline'))
     output = end(process)
-    time.sleep(0.5)
     photos = twin.of('photo')
     twin.close()
     assert process.returncode == 0, output

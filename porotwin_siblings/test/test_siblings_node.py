@@ -1,13 +1,13 @@
 """The node of the siblings, called over DDS in the same process."""
 
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from patience import PATIENCE_S, until
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S, MINUTE_S, from_ml_h
@@ -34,7 +34,6 @@ from porotwin_siblings.siblings_node import SiblingsNode  # noqa: E402
 pytestmark = pytest.mark.graph
 
 RIG = Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
-PATIENCE_S = 60.0
 
 
 class Beside:
@@ -64,12 +63,6 @@ class Beside:
         self.judges = self.other.create_client(CostGradient, 'siblings/cost_gradient')
         self._thread = NodeThread(self.node, self.other, threads=4)
 
-    def wait(self, condition: Callable[[], bool]) -> None:
-        end = time.monotonic() + PATIENCE_S
-        while not condition():
-            assert time.monotonic() < end, 'waited too long'
-            time.sleep(0.01)
-
     def photograph(self, stamp: float, concentration: Any) -> None:
         grid = load_rig(RIG).grid(40, 24)
         tracer = conversions.tracer_to_msg(concentration, grid, stamp)
@@ -87,7 +80,7 @@ class Beside:
             proposed=conversions.plan_to_msg(plan), horizon=conversions.duration_to_msg(horizon)
         )
         future = self.client.call_async(request)
-        self.wait(future.done)
+        until(future.done)
         return future.result()
 
     def judge(self, plan: list[RateStep], concentration: Any) -> CostGradient.Response:
@@ -103,7 +96,7 @@ class Beside:
             with_gradient=True,
         )
         future = self.judges.call_async(request)
-        self.wait(future.done)
+        until(future.done)
         return future.result()
 
     def close(self) -> None:
@@ -124,13 +117,13 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     assert 'no photograph' in early.outcome.message
     assert 'no forecast' in beside.judge([], np.zeros((24, 40))).outcome.message
 
-    beside.wait(lambda: beside.states.get_subscription_count() > 0)
-    beside.wait(lambda: beside.setpoints.get_subscription_count() > 0)
+    until(lambda: beside.states.get_subscription_count() > 0)
+    until(lambda: beside.setpoints.get_subscription_count() > 0)
     plume = np.zeros((24, 40))
     plume[8:18, 5:20] = 1.0
     beside.command(0.0, control1=100.0, producer=-100.0)
     beside.photograph(0.0, plume)
-    beside.wait(lambda: len(beside.forecasts) == 1)
+    until(lambda: len(beside.forecasts) == 1)
     forecast = beside.forecasts[0]
     assert len(forecast.times) == len(forecast.zone_area) == len(forecast.zone_reached)
     low, middle, high = forecast.zone_area_low, forecast.zone_area, forecast.zone_area_high
@@ -164,9 +157,9 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     beside.effects.publish(ModelEffects(effects=[conversions.effect_to_msg(effect)]))
     assert beside.effects.wait_for_all_acked()
     beside.photograph(300.0, plume)
-    time.sleep(0.5)  # a setpoint follows its photograph
+    assert beside.states.wait_for_all_acked()  # a setpoint follows its photograph
     beside.command(300.0, control1=200.0, producer=-200.0)
-    beside.wait(lambda: len(beside.forecasts) == 2)
+    until(lambda: len(beside.forecasts) == 2)
     (step,) = beside.forecasts[1].schedule
     assert conversions.rates_from_msg(step.wells)['control1'].rate == from_ml_h(200.0)
     assert beside.node.siblings.rig.effects == (effect,)
@@ -174,14 +167,14 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     wrong = beside.ask([RateStep(0.001 * number, flush) for number in range(101)], 600.0)
     assert '101 changes are more than the 100' in wrong.outcome.message
     beside.photograph(2e9, plume)  # a clock that jumps: nothing is computed over half a century
-    beside.wait(lambda: len(beside.forecasts) == 3)
+    until(lambda: len(beside.forecasts) == 3)
     assert beside.node.siblings.time == 2e9
 
     assert beside.node._rates.is_commanded(300.0)
     beside.effects.publish(ModelEffects(sequence=1))  # a replay begins again, and so does the model
     assert beside.effects.wait_for_all_acked()
     beside.photograph(10.0, plume)
-    beside.wait(lambda: len(beside.forecasts) == 4)
+    until(lambda: len(beside.forecasts) == 4)
     assert not beside.node.siblings.rig.effects
     assert not beside.node._rates.is_commanded(300.0)
 
@@ -200,20 +193,20 @@ def test_new_siblings_whose_making_fails_are_made_at_the_next_photograph(
     monkeypatch.setattr(node, '_make_siblings', fail_once)
     effect = EffectDescription(name='retardation', parameters={'retardation_factor': 2.0})
     node._new_effects = (effect,)
-    beside.wait(lambda: beside.states.get_subscription_count() > 0)
+    until(lambda: beside.states.get_subscription_count() > 0)
     beside.photograph(0.0, np.zeros((24, 40)))
-    beside.wait(lambda: len(made) == 1)
+    until(lambda: len(made) == 1)
     beside.photograph(30.0, np.zeros((24, 40)))
-    beside.wait(lambda: node.siblings.rig.effects == (effect,))
+    until(lambda: node.siblings.rig.effects == (effect,))
     beside.photograph(60.0, np.zeros((24, 40)))
-    beside.wait(lambda: node.siblings.time == 60.0)
+    until(lambda: node.siblings.time == 60.0)
     assert len(made) == 2
 
 
 def test_after_a_photograph_that_failed_the_forecasts_begin_anew(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    beside.wait(lambda: beside.states.get_subscription_count() > 0)
+    until(lambda: beside.states.get_subscription_count() > 0)
     siblings, empty = beside.node.siblings, np.zeros((24, 40))
     observe, taken = siblings.observe, []
 
@@ -226,9 +219,9 @@ def test_after_a_photograph_that_failed_the_forecasts_begin_anew(
     monkeypatch.setattr(siblings, 'observe', observed)
     for number, time_ in enumerate((0.0, 100.0, 200.0, 300.0), start=1):
         beside.photograph(time_, empty)
-        beside.wait(lambda number=number: len(taken) == number)
-        beside.wait(lambda: beside.node._arrived is None)
-    beside.wait(lambda: bool(beside.forecasts) and beside.forecasts[-1].header.stamp.sec == 300)
+        until(lambda number=number: len(taken) == number)
+        until(lambda: beside.node._arrived is None)
+    until(lambda: bool(beside.forecasts) and beside.forecasts[-1].header.stamp.sec == 300)
     assert taken == [(0.0, 0), (100.0, 1), (200.0, 0), (300.0, 1)]
 
     rig = load_rig(RIG)

@@ -14,9 +14,6 @@ from porotwin_msgs.srv import ConfirmRates, LoadModel, SaveModel
 
 NOTHING = 'nothing'
 
-ANSWER_S = 60.0
-"""Longest wait for an answer [s]."""
-
 
 def asked(
     stage: Stage,
@@ -28,7 +25,7 @@ def asked(
     token: str = '',
 ) -> tuple[int, str]:
     """Return status and text of a request to the page."""
-    address = stage.graph.wait_for_log('page', 'page: http', timeout=60.0).split('page: ')[1]
+    address = stage.graph.wait_for_log('page', 'page: http').split('page: ')[1]
     request = urllib.request.Request(address.split('#')[0].split()[0].rstrip('/') + path)
     if host:
         request.add_header('Host', host)
@@ -96,7 +93,7 @@ def endless_path(stage: Stage) -> None:
 def loaded(stage: Stage, path: str) -> str:
     """Name a model to COSTA at the terminal, and return why it is refused."""
     request = LoadModel.Request(path=path)
-    answer = stage.graph.listener.answer('terminal', LoadModel, 'costa/load', request, ANSWER_S)
+    answer = stage.graph.listener.answer('terminal', LoadModel, 'costa/load', request)
     return str(answer.outcome.message)
 
 

@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ENVIRONMENT = dict(os.environ)
 """The environment of processes that a test starts."""
 
-GRID = '47x28'
+GRID = '31x19'
 PHOTO_WIDTH_PX = 640
 PHOTO_INTERVAL_S = 30.0
 """Interval that the twin is told [s]; photographs come when a test takes one, and sooner."""

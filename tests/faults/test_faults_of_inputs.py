@@ -18,4 +18,4 @@ FAULTS = [
 
 @pytest.mark.parametrize('fault', FAULTS, ids=str)
 def test_a_fault_shows_and_control_goes_on(fault: Fault, stages: Stages) -> None:
-    check(fault, stages)
+    check(fault, stages.get())

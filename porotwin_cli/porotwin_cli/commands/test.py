@@ -27,10 +27,6 @@ ON_ALL_CORES = ['-n', 'auto', '--maxprocesses', '4', '--dist', 'loadfile', '--no
 WITH_NODES = ['-n', '3', *ON_ALL_CORES[2:]]
 """Three workers: nodes wait most of the time."""
 
-AGAIN = ['-m', 'pytest', '--reruns', '1', '-raR']
-"""A failed test of real processes runs once more, because other work on this machine may starve
-them. The output says RERUN."""
-
 WITHOUT_NODES = ('tests', [*ON_ALL_CORES, '--timeout', '900', '-m', 'not graph'])
 """These tests give way to nodes, so that a test may take several times as long as alone."""
 
@@ -39,8 +35,8 @@ MARKS_OF_NODES, MARKS_OF_GRAPHS = ('mark.graph',), ('mark.graph', 'mark.slow')
 worker of pytest."""
 
 OF_NODES = (
-    ('tests of ROS 2 nodes', [*AGAIN, *WITH_NODES, '-m', 'graph and not slow'], MARKS_OF_NODES),
-    ('tests of whole graphs', [*AGAIN, *ON_ALL_CORES, '-m', 'graph and slow'], MARKS_OF_GRAPHS),
+    ('tests of ROS 2 nodes', [*WITH_NODES, '-m', 'graph and not slow'], MARKS_OF_NODES),
+    ('tests of whole graphs', [*ON_ALL_CORES, '-m', 'graph and slow'], MARKS_OF_GRAPHS),
 )
 """Whole graphs have fewer workers than nodes: beside two others, photographs would be late."""
 
@@ -65,7 +61,10 @@ def command(
         failed = _failures([('tests', ['-m', 'pytest', *arguments])])
     else:
         failed = _failures(CHECKS)
-        nodes = [(name, [*options, *files_with(marks)]) for name, options, marks in OF_NODES]
+        nodes = [
+            (name, ['-m', 'pytest', *options, *files_with(marks)])
+            for name, options, marks in OF_NODES
+        ]
         name, options = WITHOUT_NODES
         beside = [_Beside(nodes), _Beside([('mypy', ['-m', 'mypy'])], niceness=LAST)]
         failed += _failures([(name, ['-m', 'pytest', *options])], niceness=YIELDING)

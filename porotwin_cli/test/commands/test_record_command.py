@@ -5,11 +5,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from cli_examples import porotwin
+from patience import PATIENCE_S, until
 
 from porotwin_cli.commands import record
 from porotwin_cli.interrupts import INTERRUPTED
@@ -26,12 +26,9 @@ def test_record_counts_its_messages(tmp_path: Path) -> None:
         text=True,
         start_new_session=True,
     )
-    deadline = time.monotonic() + 60.0
-    while not list(tmp_path.glob('bag/*.mcap')) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    time.sleep(1.0)
+    until(lambda: list(tmp_path.glob('bag/*.mcap')))
     os.killpg(process.pid, signal.SIGINT)  # like Ctrl-C in a terminal
-    output, errors = process.communicate(timeout=60)
+    output, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, errors
     assert json.loads(output)['messages'] >= 0
 

@@ -4,12 +4,12 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 import yaml
 from cli_examples import TIMEOUT_S, porotwin
+from patience import until
 
 from porotwin_cli.running import live_twin
 from porotwin_core.rig import load_rig
@@ -113,12 +113,9 @@ def test_up_gives_the_trainer_a_folder_of_the_run_and_the_chosen_network(
         start_new_session=True,
     )
     log = output / 'log' / 'trainer.log'
-    deadline = time.monotonic() + TIMEOUT_S
     try:
-        while not log.is_file() or 'training pairs in' not in log.read_text():
-            assert time.monotonic() < deadline
-            assert process.poll() is None
-            time.sleep(0.2)
+        until(lambda: process.poll() or (log.is_file() and 'training pairs in' in log.read_text()))
+        assert process.poll() is None
     finally:
         os.killpg(process.pid, signal.SIGINT)
         _, errors = process.communicate(timeout=TIMEOUT_S)
