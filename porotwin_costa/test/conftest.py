@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from costa_examples import TIME_STEP, ToyModel, injecting, toy_rig
+from undrawn_pictures import undrawn
 
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
@@ -15,6 +16,8 @@ from porotwin_core.rig import Rig, write_rig
 from porotwin_costa.data.dataset import Dataset
 from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.data.frames import Frames
+
+__all__ = ['undrawn']
 
 
 @pytest.fixture(autouse=True, scope='session')
