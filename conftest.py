@@ -25,6 +25,8 @@ settings.load_profile('porotwin')
 DOMAINS = range(1, 81)
 """DDS domains of the tests; a demo chooses among larger ones (`ros_environment.py`)."""
 
+FILES_WITH_NODES = pytest.StashKey[set[Path]]()
+
 WHOLE_PROJECT = Path(__file__).parent / 'tests'
 """Folder of the tests that run documents, examples and whole graphs."""
 
@@ -58,9 +60,10 @@ def _claimed_domain() -> int:
     raise RuntimeError(f'other tests use all DDS domains of this worker, {list(_own_domains())}')
 
 
-def _release(number: int) -> None:
+def _release(number: int, *, nodes: bool = True) -> None:
     """Let other tests have a domain. Nodes in this process leave it when Python collects them."""
-    gc.collect()
+    if nodes:
+        gc.collect()
     _claims.pop(number).close()
 
 
@@ -94,21 +97,27 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: (item.path not in long, WHOLE_PROJECT not in item.path.parents))
 
 
-def pytest_collection_finish() -> None:
-    """Keep what the imports made from Python's garbage collection, which runs after each file."""
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Note the files with nodes, and keep what the imports made from garbage collections."""
+    session.stash[FILES_WITH_NODES] = {
+        item.path for item in session.items if item.get_closest_marker('graph') is not None
+    }
     gc.collect()
     gc.freeze()
     gc.enable()
 
 
 @pytest.fixture(autouse=True, scope='module')
-def _domain_of_the_file() -> Iterator[None]:
-    """Give each test file a DDS domain: what one leaves behind is not met by the next."""
+def _domain_of_the_file(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Give each test file a DDS domain: what one leaves behind is not met by the next.
+
+    A collection costs a tenth of a second, so a file whose tests start no nodes has none.
+    """
     before, number = os.environ['ROS_DOMAIN_ID'], _claimed_domain()
     os.environ['ROS_DOMAIN_ID'] = str(number)
     yield
     os.environ['ROS_DOMAIN_ID'] = before
-    _release(number)
+    _release(number, nodes=request.path in request.session.stash[FILES_WITH_NODES])
 
 
 @pytest.fixture(scope='session')

@@ -3,6 +3,8 @@
 from pathlib import Path
 
 import pytest
+from kept_baselines import kept_baselines
+from large_elements import large_elements
 from undrawn_pictures import undrawn
 
 from porotwin_cli.workspace import small_rig
@@ -11,7 +13,7 @@ from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import load_rig
 from porotwin_rig.made_experiment import make_experiment
 
-__all__ = ['undrawn']
+__all__ = ['kept_baselines', 'large_elements', 'undrawn']
 
 
 @pytest.fixture(scope='session')
@@ -35,5 +37,6 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
         seed=3,
         grid=rig.grid(94, 56),
         photo_width_px=640,
+        cell=0.0042,
     )
     return folder

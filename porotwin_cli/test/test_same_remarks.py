@@ -99,6 +99,7 @@ def ask_check(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     print(*rig_check.check(folder).remarks, sep='\n')
 
 
+@pytest.mark.usefixtures('undrawn')
 @pytest.mark.parametrize(
     ('ask', 'checks'),
     [

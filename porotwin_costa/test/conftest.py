@@ -1,20 +1,27 @@
 """Fixtures for the tests of COSTA: a toy rig, its models, its experiments and their pairs."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from costa_examples import TIME_STEP, ToyModel, injecting, toy_rig
+from costa_examples import NETWORKS, TIME_STEP, ToyModel, injecting, toy_rig
+from undrawn_pictures import undrawn
 
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig, write_rig
+from porotwin_costa.correction.corrective_model import CorrectiveModel
 from porotwin_costa.data.dataset import Dataset
 from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.data.frames import Frames
+from porotwin_costa.networks.training_settings import TrainingSettings
+from porotwin_costa.training.training import train
+
+__all__ = ['undrawn']
 
 
 @pytest.fixture(autouse=True, scope='session')
@@ -114,3 +121,10 @@ def rig_file(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp('rig') / 'rig.yaml'
     write_rig(rig, path)
     return path
+
+
+@pytest.fixture(scope='session', params=list(NETWORKS))
+def trained(request: pytest.FixtureRequest, dataset: Dataset) -> CorrectiveModel:
+    """Return a trained model, for tests of gate and files; how well it learns is no matter."""
+    settings = TrainingSettings(epochs=8, learning_rate=3e-3)
+    return replace(train(dataset, NETWORKS[request.param], settings, seed=21), trust=0.9)

@@ -11,7 +11,14 @@ from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Boundaries, Rig, Well
 from porotwin_costa.data.dataset import Dataset
 from porotwin_costa.data.flow_shape import flow_shape_of, homogeneous_flow
-from porotwin_costa.networks import RigFields
+from porotwin_costa.networks import RigFields, architecture
+
+NETWORKS = {
+    'paper': architecture('paper').described(
+        {'convolution_pool_layers': 2, 'convolution_layers': 1, 'filters': 4}
+    ),
+    'local': architecture('local').described({'filters': 4}),
+}
 
 TIME_STEP = 30.0
 """Time between two photographs [s]."""

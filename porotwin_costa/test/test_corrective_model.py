@@ -17,16 +17,6 @@ from porotwin_costa.correction.corrective_model import FORMAT, CorrectiveModel
 from porotwin_costa.correction.corrective_source import corrective_source
 from porotwin_costa.data.physics_id import PhysicsId
 from porotwin_costa.data.tensor_files import write_tensors
-from porotwin_costa.networks import architecture
-from porotwin_costa.networks.training_settings import TrainingSettings
-from porotwin_costa.training.training import train
-
-NETWORKS = {
-    'paper': architecture('paper').described(
-        {'convolution_pool_layers': 2, 'convolution_layers': 1, 'filters': 4}
-    ),
-    'local': architecture('local').described({'filters': 4}),
-}
 
 VERSION_0_1_SETTINGS = {
     'convolution_pool_layers': 5,
@@ -36,15 +26,6 @@ VERSION_0_1_SETTINGS = {
     'filters': 16,
 }
 """Listed by files of version 0.1, whatever the architecture."""
-
-
-@pytest.fixture(scope='module', params=list(NETWORKS))
-def trained(request, dataset):
-    settings = TrainingSettings(epochs=8, learning_rate=3e-3, patience=40)
-    # these tests are about gate and files, not about learning
-    return dataclasses.replace(
-        train(dataset, NETWORKS[request.param], settings, seed=21), trust=0.9
-    )
 
 
 def test_saved_model_comes_back_bit_for_bit(trained, dataset, tmp_path):

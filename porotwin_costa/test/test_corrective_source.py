@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from costa_examples import question
+from costa_examples import NETWORKS, question
 from toy_solver import MovingTracers, delayed
 
 from porotwin_core.basis.errors import InputError
@@ -18,25 +18,9 @@ from porotwin_costa.correction.corrective_source import (
     LearntStep,
     corrective_source,
 )
-from porotwin_costa.networks import CorrectiveNetwork, architecture
+from porotwin_costa.networks import CorrectiveNetwork
 from porotwin_costa.networks.training_settings import TrainingSettings
 from porotwin_costa.training.training import train
-
-NETWORKS = {
-    'paper': architecture('paper').described(
-        {'convolution_pool_layers': 2, 'convolution_layers': 1, 'filters': 4}
-    ),
-    'local': architecture('local').described({'filters': 4}),
-}
-
-
-@pytest.fixture(scope='module', params=list(NETWORKS))
-def trained(request, dataset):
-    settings = TrainingSettings(epochs=8, learning_rate=3e-3, patience=40)
-    # these tests are about gate and files, not about learning
-    return dataclasses.replace(
-        train(dataset, NETWORKS[request.param], settings, seed=21), trust=0.9
-    )
 
 
 def test_sigma_has_the_grid_and_comes_from_the_network(trained, dataset):

@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 
+import pytest
+
 from porotwin_core.model.correction import Correction
 from porotwin_costa.evaluation.evaluation import evaluate
 from porotwin_costa.evaluation.evaluation_pictures import write_pictures
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_curves_and_fields_of_each_recording_are_drawn(model, unseen_frames, grid, tmp_path):
     of_one_name = [replace(unseen_frames, name=f'/runs/{day}/bag') for day in ('monday', 'tuesday')]
     result = evaluate(

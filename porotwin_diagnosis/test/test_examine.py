@@ -32,7 +32,7 @@ def with_a_glare(recording):
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_diffusive_scheme_is_called_numerical_and_not_dispersion(tmp_path):
-    path = recorded(tmp_path / 'recording', grid=SMALL.grid(62, 37))
+    path = recorded(tmp_path / 'recording', grid=SMALL.grid(47, 28))
     recording, told = with_a_glare(open_recording(path)), []
     result = examine(
         [recording],

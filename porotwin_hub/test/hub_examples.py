@@ -9,8 +9,11 @@ import numpy as np
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import WellRate, WellRates
+from porotwin_core.rig import Rig, parse_rig
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.models.forecast import ModelUnavailable
+from porotwin_hub.objectives.objective import Objective
+from porotwin_hub.objectives.objective_registry import make_objective
 
 SMALL_RIG = Path(__file__).resolve().parents[1] / 'config' / 'small_rig.yaml'
 
@@ -79,3 +82,10 @@ def quadratic(best_ml_h: tuple[float, float, float]) -> Callable[[WellRates], fl
         return float(((values - np.array(best_ml_h)) ** 2).sum())
 
     return cost
+
+
+def made(unit_rig: dict[str, Any], **objective: Any) -> tuple[Rig, Objective]:
+    """Return the unit rig with an `objective` of its well a, and that on 50 x 50 cells."""
+    control = {'wells': ['a'], 'objective': objective}
+    rig = parse_rig({**unit_rig, 'control': control}, Path('rig.yaml'))
+    return rig, make_objective(rig, rig.grid(50, 50))

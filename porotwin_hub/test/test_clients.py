@@ -71,21 +71,6 @@ def test_a_prediction_that_takes_too_long_is_cancelled(solver: SlowSolver, small
     assert solver.cancelled.wait(PATIENCE_S)
 
 
-def test_a_request_to_a_solver_that_is_started_again_is_lost_at_once(
-    solver: SlowSolver, small_rig: Rig
-) -> None:
-    grid = small_rig.grid(4, 3)
-    model = PhysicsModelClient(Caller(solver.node, timeout=10 * PATIENCE_S), grid)
-
-    again = rclpy.create_node('solver', context=solver.node.context)
-    start_again = partial(
-        again.create_service, Predict, 'solver/predict', lambda _, response: response
-    )
-    threading.Timer(1.0, start_again).start()
-    with pytest.raises(ModelUnavailable, match='was started again while it worked'):
-        model.predict(np.zeros(grid.shape), {}, 30.0)
-
-
 def test_an_answer_is_not_believed_while_another_node_could_have_given_it(
     solver: SlowSolver, small_rig: Rig
 ) -> None:
@@ -100,15 +85,22 @@ def test_an_answer_is_not_believed_while_another_node_could_have_given_it(
     assert model.predict(np.zeros(grid.shape), {}, 30.0).shape == grid.shape
 
 
+@pytest.mark.parametrize(
+    ('name', 'complaint'),
+    [
+        ('rogue', '/rogue offers solver/predict too'),
+        ('solver', 'was started again while it worked'),
+    ],
+)
 def test_a_node_that_comes_while_the_solver_works_ends_the_wait(
-    solver: SlowSolver, small_rig: Rig
+    solver: SlowSolver, small_rig: Rig, name: str, complaint: str
 ) -> None:
     grid = small_rig.grid(4, 3)
     model = PhysicsModelClient(Caller(solver.node, timeout=10 * PATIENCE_S), grid)
-    rogue = rclpy.create_node('rogue', context=solver.node.context)
-    offer = partial(rogue.create_service, Predict, 'solver/predict', lambda _, response: response)
+    node = rclpy.create_node(name, context=solver.node.context)
+    offer = partial(node.create_service, Predict, 'solver/predict', lambda _, response: response)
     threading.Timer(1.0, offer).start()
-    with pytest.raises(ModelUnavailable, match='/rogue offers solver/predict too'):
+    with pytest.raises(ModelUnavailable, match=complaint):
         model.predict(np.zeros(grid.shape), {}, 30.0)
 
 

@@ -1,20 +1,11 @@
 """Tests of the objective `hold_front`: tracer beyond the edge costs, as water before it."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from hub_examples import made
 
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rig import Rig, parse_rig
-from porotwin_hub.objectives.objective import Objective
-from porotwin_hub.objectives.objective_registry import make_objective
-
-
-def made(unit_rig: dict[str, Any], **objective: Any) -> tuple[Rig, Objective]:
-    control = {'wells': ['a'], 'objective': objective}
-    rig = parse_rig({**unit_rig, 'control': control}, Path('rig.yaml'))
-    return rig, make_objective(rig, rig.grid(50, 50))
 
 
 def test_the_wanted_front_costs_nothing_and_any_other_one_does(unit_rig: dict[str, Any]) -> None:

@@ -1,22 +1,13 @@
 """Tests of the objective `reach`: only the state at one time costs."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hub_examples import made
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rig import Rig, parse_rig
-from porotwin_hub.objectives.objective import Objective
-from porotwin_hub.objectives.objective_registry import make_objective
-
-
-def made(unit_rig: dict[str, Any], **objective: Any) -> tuple[Rig, Objective]:
-    control = {'wells': ['a'], 'objective': objective}
-    rig = parse_rig({**unit_rig, 'control': control}, Path('rig.yaml'))
-    return rig, make_objective(rig, rig.grid(50, 50))
 
 
 def test_the_cost_is_taken_at_its_time(unit_rig: dict[str, Any], square: FloatArray) -> None:

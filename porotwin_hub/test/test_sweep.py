@@ -1,21 +1,12 @@
 """Tests of the objective `sweep`: a region without its tracer costs."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hub_examples import made
 
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rig import Rig, parse_rig
-from porotwin_hub.objectives.objective import Objective
-from porotwin_hub.objectives.objective_registry import make_objective
-
-
-def made(unit_rig: dict[str, Any], **objective: Any) -> tuple[Rig, Objective]:
-    control = {'wells': ['a'], 'objective': objective}
-    rig = parse_rig({**unit_rig, 'control': control}, Path('rig.yaml'))
-    return rig, make_objective(rig, rig.grid(50, 50))
 
 
 @pytest.mark.parametrize('wanted', [0.0, 1.0])

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from kept_baselines import kept_baselines
 from numpy.typing import NDArray
+from undrawn_pictures import undrawn
 
 from porotwin_core.geometry.grid import conservative_resample
 from porotwin_core.rig import Rig
@@ -15,6 +18,8 @@ from porotwin_imaging.baseline.baseline import Baseline, make_baseline
 from porotwin_imaging.light.colour_checker import REFERENCE
 from porotwin_imaging.tracer.calibration import Calibration, Response
 from porotwin_imaging.tracer.tracer_signal import TracerSignal
+
+__all__ = ['kept_baselines', 'undrawn']
 
 SHARED = Path(__file__).resolve().parents[2].parent / 'shared'
 TRACER_PHOTOGRAPHS = SHARED / 'data' / 'fluidflower_tracer'
@@ -54,6 +59,7 @@ class Laboratory:
         rows, columns = self.size[1], self.size[0]
         coarse = generator.normal(0, 1, (rows // 3 + 1, columns // 3 + 1)).astype(np.float32)
         self._grains = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_CUBIC)
+        self._kept = lru_cache(maxsize=8)(self._drawn)
 
     @property
     def rig(self) -> Rig:
@@ -86,13 +92,17 @@ class Laboratory:
 
     def scene(self, concentration: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return linear red, green, blue of the rig with a map (nz, nx) of tracer."""
+        return self._kept(concentration.astype(np.float32).tobytes(), concentration.shape).copy()
+
+    def _drawn(self, values: bytes, shape: tuple[int, int]) -> NDArray[np.floating]:
+        concentration = np.frombuffer(values, np.float32).reshape(shape)
         rows, columns = self.size[1], self.size[0]
         light = np.full((rows, columns, 3), 0.3, np.float32) * [1.0, 0.9, 0.5]
         last_row = int(FIRST_ROW + HEIGHT * PX_PER_M)
         last_column = int(FIRST_COLUMN + WIDTH * PX_PER_M)
         inside = (slice(FIRST_ROW, last_row), slice(FIRST_COLUMN, last_column))
         shown = cv2.resize(
-            np.ascontiguousarray(concentration[::-1], np.float32),
+            np.ascontiguousarray(concentration[::-1]),
             (last_column - FIRST_COLUMN, last_row - FIRST_ROW),
             interpolation=cv2.INTER_LINEAR,
         )

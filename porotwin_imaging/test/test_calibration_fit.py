@@ -151,6 +151,7 @@ def _with_label(photograph: bytes, column: int, row: int) -> bytes:
     return cv2.imencode('.png', pixels)[1].tobytes()
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_dilutions_are_the_anchor_where_there_are_some(
     laboratory_of_two_sands, injection, make_plume, true_shape, tmp_path
 ) -> None:

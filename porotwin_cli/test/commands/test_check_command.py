@@ -44,6 +44,8 @@ from porotwin_recording.tables.concentration import (
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
 
+pytestmark = pytest.mark.usefixtures('undrawn')
+
 BETWEEN = {
     'top': 'closed',
     'left': 'open',
@@ -65,7 +67,10 @@ def told(path: Path) -> str:
     return '\n'.join(map(str, check(path).remarks))
 
 
-def test_the_small_rig_is_drawn_and_not_odd(tmp_path: Path) -> None:
+def test_the_small_rig_is_drawn_and_not_odd(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.undo()  # this one is drawn
     result = porotwin('check', small_rig(), '--output', tmp_path / 'check.png')
     assert result.returncode == 0, result.stderr
     assert 'one prediction over 30 s on 187x112: 20,944 cells' in result.stdout

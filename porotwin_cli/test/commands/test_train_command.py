@@ -17,7 +17,7 @@ from porotwin_recording.tables.concentration import open_maps
 @pytest.mark.slow
 def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> None:
     rig = experiment / 'rig.yaml'
-    common = ['--grid', '94x56', '--preset', 'upwind', '--architecture', 'local', '--epochs', '2']
+    common = ['--grid', '47x28', '--preset', 'upwind', '--architecture', 'local', '--epochs', '2']
     trained = porotwin('train', experiment, '--rig', rig, '--output', tmp_path / 'm', *common)
     assert trained.returncode == 0, trained.stderr
     assert 'gate' in trained.stdout
@@ -33,7 +33,7 @@ def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> Non
     assert (tmp_path / 'evaluation' / 'errors.csv').is_file()
     for kind in ('observed', 'free_run', 'corrected'):
         maps = open_maps(tmp_path / 'evaluation' / f'maps_{kind}.nc', load_rig(rig))
-        assert maps.grid.shape == (56, 94)
+        assert maps.grid.shape == (28, 47)
         assert len(maps) > 1
     itself = porotwin(
         'evaluate', tmp_path / 'm', experiment, *arguments[:2], '--json',
@@ -57,7 +57,7 @@ def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> Non
 
 
 def _up(experiment: Path, folder: Path) -> list[str | Path]:
-    rig = ['--rig', experiment / 'rig.yaml', '--grid', '94x56', '--model', folder / 'm']
+    rig = ['--rig', experiment / 'rig.yaml', '--grid', '47x28', '--model', folder / 'm']
     return [*rig, '--photos', experiment, '--output', folder / 'up']
 
 

@@ -36,6 +36,7 @@ from porotwin_imaging.light.colour_correction import ColourReference, colour_ref
 from porotwin_imaging.light.light_check import refuse_grey_baseline
 from porotwin_imaging.light.light_drift import light_drift
 from porotwin_imaging.light.light_references import inside_references
+from porotwin_imaging.numerics.channels import channel_max
 from porotwin_imaging.photograph.linear_light import linear_light
 from porotwin_imaging.photograph.photo_file import (
     OVER_EXPOSED,
@@ -112,7 +113,7 @@ class Baseline:
 
     def with_dark_sand(self) -> Self:
         """Return the baseline with dark sand usable: a bright fluid shows there, a dark one not."""
-        dark = self.mask.unlit & (self.colours.max(axis=2) < OVER_EXPOSED)
+        dark = self.mask.unlit & (channel_max(self.colours) < OVER_EXPOSED)
         sand = ~(self.mask.checker | self.mask.water | self.mask.objects)
         usable = (self.usable > 0) | (dark & sand)
         share = self.sampling.cell_means(usable.astype(np.float32))
@@ -354,7 +355,7 @@ def _remarks_on_exposure(colours: Array) -> list[str]:
     Raises:
         InputError: too much of the rig is over-exposed.
     """
-    clipped = colours.max(axis=2) >= OVER_EXPOSED
+    clipped = channel_max(colours) >= OVER_EXPOSED
     share = float(clipped.mean())
     if share > VALIDITY.most_left_out:
         raise InputError(

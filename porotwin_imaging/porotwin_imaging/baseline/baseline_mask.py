@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.numerics.channels import channel_max, channel_mean
 from porotwin_imaging.numerics.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.photograph.photo_file import OVER_EXPOSED
 
@@ -114,8 +115,8 @@ def baseline_mask(
 def _lit(colours: Array) -> Mask:
     """Return where the linear `colours` (rows, columns, 3) are neither dark nor over-exposed."""
     smooth = cv2.blur(colours, _GRAINS_WINDOW)
-    bright_enough = smooth.mean(axis=2) > BASELINE_MASK.least_light
-    return bright_enough & (colours.max(axis=2) < OVER_EXPOSED)
+    bright_enough = channel_mean(smooth) > BASELINE_MASK.least_light
+    return bright_enough & (channel_max(colours) < OVER_EXPOSED)
 
 
 def _chart(corners: Array | None, shape: tuple[int, int]) -> Mask:
@@ -133,7 +134,7 @@ def texture(colours: Array) -> Array:
 
     `colours`: linear light, shape (rows, columns, 3). The result has shape (rows, columns).
     """
-    grey = colours.mean(axis=2)
+    grey = channel_mean(colours)
     grains = grey - cv2.GaussianBlur(grey, (0, 0), _GRAIN_SIGMA)
     variance = np.maximum(cv2.blur(grains**2, _GRAINS_WINDOW), 0.0)
     return np.sqrt(variance) / (cv2.blur(grey, _GRAINS_WINDOW) + LEAST_VALUE)

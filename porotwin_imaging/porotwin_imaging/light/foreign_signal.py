@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from porotwin_imaging.geometry.frame import TOLD_SHARE
 from porotwin_imaging.light.light_check import REACH, window_mean
 from porotwin_imaging.light.light_drift import LIGHT
+from porotwin_imaging.numerics.channels import channel_max, channel_mean
 from porotwin_imaging.tracer.tracer_colour import STRONG_HUE, TracerColour, split
 
 
@@ -69,7 +70,7 @@ def without_foreign_signal(
         scatter: by how much places of the same light differ between the two photographs [log].
     """
     smooth = window_mean(residual, visible)
-    foreign = smooth.max(axis=2) > LIGHT.most_brighter + scatter
+    foreign = channel_max(smooth) > LIGHT.most_brighter + scatter
     if colour is not None:
         foreign |= _another_colour(smooth, colour)
     foreign &= visible
@@ -94,7 +95,7 @@ def _dark_lines(residual: Array, visible: Mask, foreign: Mask) -> Mask:
     """
     if not foreign.any():
         return foreign
-    darkening = -np.where(visible, residual.mean(axis=2), 0.0).astype(np.float32)
+    darkening = -np.where(visible, channel_mean(residual), 0.0).astype(np.float32)
     around = np.ones((FOREIGN_SIGNAL.line_cells,) * 2, np.uint8)
     relief = cv2.morphologyEx(darkening, cv2.MORPH_TOPHAT, around)
     grain = _GRAINS * float(np.median(relief[visible]))

@@ -30,6 +30,7 @@ from porotwin_imaging.light.light_drift import LIGHT, LightDrift, light_drift
 from porotwin_imaging.light.local_light import local_light
 from porotwin_imaging.light.tone_change import haze_of_chart, tone_change, tone_of_chart
 from porotwin_imaging.numerics.cell_sums import LEAST_LIGHT, BlockSums
+from porotwin_imaging.numerics.channels import channel_mean
 from porotwin_imaging.tracer.tracer_colour import TracerColour, colour_in
 
 Array = NDArray[Any]
@@ -113,7 +114,7 @@ def corrected_light(
             log_ratio = tone.undone(log_ratio, _light(sums.baseline, sums, share.shape))
         blocks, seen = _blocks(log_ratio, visible)
         remarks.append(tone.remark)
-        variance = (_TONE_ERRORS[tone.kind] * log_ratio.mean(axis=2)) ** 2
+        variance = (_TONE_ERRORS[tone.kind] * channel_mean(log_ratio)) ** 2
     drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain, scatter=scatter)
     refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
     remarks += drift_remarks(drift, visible)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
+from porotwin_imaging.numerics.channels import channel_mean
 from porotwin_imaging.numerics.robust_statistics import (
     FEW_ROUNDS,
     NOISE_SPREADS,
@@ -131,10 +132,10 @@ def _robust_fit(
     # the second half without the surroundings of tracer
     for step in range(2 * FEW_ROUNDS):
         residual = log_ratio - constants - (terms @ coefficients)[..., None]
-        distance = np.sqrt((residual**2).mean(axis=2)) / tolerance
+        distance = np.sqrt(channel_mean(residual**2)) / tolerance
         background = weight * np.clip(1.0 - distance**2, 0.0, None) ** 2
         if step >= FEW_ROUNDS:
-            background = background * _away_from_tracer(residual.mean(axis=2))
+            background = background * _away_from_tracer(channel_mean(residual))
         share = float((background > 0).sum() / max(1, visible.sum()))
         if share < LIGHT.least_background:
             return None
@@ -194,7 +195,7 @@ def _fit(log_ratio: Array, terms: Array, weight: Array) -> tuple[Array, Array]:
     centred = (terms - mean_terms).reshape(-1, terms.shape[-1])
     weighted = centred * weight.reshape(-1, 1)
     matrix = weighted.T @ centred / total
-    right = weighted.T @ log_ratio.mean(axis=2).ravel() / total
+    right = weighted.T @ channel_mean(log_ratio).ravel() / total
     size = max(float(np.trace(matrix)), SMALLEST_DIVISOR)  # a single cell has no shape
     penalty = _SHAPE_PENALTY * np.eye(matrix.shape[0]) * size
     coefficients = np.linalg.solve(matrix + penalty, right)

@@ -31,6 +31,7 @@ from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_imaging.geometry.frame import VALIDITY
 from porotwin_imaging.light.colour_checker import ChartLight
 from porotwin_imaging.light.light_drift import LIGHT, light_drift
+from porotwin_imaging.numerics.channels import channel_mean
 from porotwin_imaging.numerics.robust_statistics import FEW_ROUNDS
 from porotwin_imaging.tracer.tracer_colour import FEWEST_CELLS
 from porotwin_imaging.tracer.tracer_signal import LEAST_RATIO
@@ -139,7 +140,7 @@ def haze_of_chart(
     """
     if light.veil is None or not visible.any():
         return None
-    dark = float(np.percentile(before.mean(axis=2)[visible], _DARK_PERCENTILE))
+    dark = float(np.percentile(channel_mean(before)[visible], _DARK_PERCENTILE))
     veil = (float(light.veil[0]), float(light.veil[1]), float(light.veil[2]))
     haze = ToneChange('haze', float(light.veil.mean()), max(dark, SMALLEST_DIVISOR), veil)
     if not _tells_tone(before, visible):
@@ -155,7 +156,7 @@ def haze_of_chart(
 
 def _tells_tone(before: Array, visible: Mask) -> bool:
     """Return whether the sand of the baseline has parts of different brightness."""
-    light = np.log(np.maximum(before.mean(axis=2)[visible], SMALLEST_DIVISOR))
+    light = np.log(np.maximum(channel_mean(before)[visible], SMALLEST_DIVISOR))
     return bool(light.std() >= TONE.least_spread)
 
 
@@ -223,11 +224,11 @@ class _Search:
 
     def is_unusual(self) -> bool:
         """Return whether dark and bright sand drift apart, or sand has become brighter."""
-        light = np.log(self.before.mean(axis=2))
+        light = np.log(channel_mean(self.before))
         if not self.visible.any() or not _tells_tone(self.before, self.visible):
             return False
         weight, residual = self._background(None)
-        grey = residual.mean(axis=2)
+        grey = channel_mean(residual)
         if (grey[self.visible] > TONE.brighter).mean() > TONE.brighter_share:
             return True
         chosen = weight > 0
@@ -241,7 +242,7 @@ class _Search:
 
     def best(self, kind: Literal['curve', 'haze'], amounts: tuple[float, ...]) -> ToneChange:
         """Return the best change of a kind: the best of `amounts`, then refined."""
-        grey = self.before.mean(axis=2)[self.visible]
+        grey = channel_mean(self.before)[self.visible]
         reference = float(np.percentile(grey, 50.0 if kind == 'curve' else _DARK_PERCENTILE))
         unit = 1.0 if kind == 'curve' else reference
         tried = [ToneChange(kind, amount * unit, reference) for amount in amounts]
@@ -270,7 +271,7 @@ class _Search:
         """Return the offset of every channel (3,), with clean sand by the log ratios `ratio`."""
         weight, residual = self._weighted(ratio)
         weight = np.maximum(weight, SMALLEST_DIVISOR * self.visible)
-        smooth = np.exp(ratio - residual).mean(axis=2)
+        smooth = channel_mean(np.exp(ratio - residual))
         smooth = smooth / np.average(smooth, weights=weight)
         root = np.sqrt(weight)
         offsets = []
@@ -300,5 +301,5 @@ class _Search:
         """
         drift = light_drift(ratio, self.visible.astype(np.float32), self.checker_gain)
         residual = contrast * (ratio - drift.log_gain)
-        distance = (residual**2).mean(axis=2) / LIGHT.tolerance**2
+        distance = channel_mean(residual**2) / LIGHT.tolerance**2
         return self.visible * np.clip(1.0 - distance, 0.0, None) ** 2, residual
