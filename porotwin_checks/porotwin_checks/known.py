@@ -68,6 +68,8 @@ class Known:
     def has(self, name: str) -> bool:
         """Return whether the attribute `name` is known, and not empty."""
         value = getattr(self, name)
+        if isinstance(value, Rig):
+            return True
         if isinstance(value, Schedule):
             return bool(value.rows)
         return value is not None and len(self.times if name.endswith('maps') else value) > 0
