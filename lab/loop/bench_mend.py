@@ -154,7 +154,7 @@ class _MendedRun:
         self._now = 0.0
         self.mender = Mender(
             model_maker(rig, grid, settings.preset),
-            MendSettings(every_s=EVERY_S),
+            MendSettings(every_s=EVERY_S, least_confidence=0.9),
             set_effects=self._set,
             publish=self._note,
             say=self.lines.append,

@@ -222,7 +222,7 @@ def _sample(rig: Rig, grid: Grid, seen: Sequence[SeenPhoto]) -> Sample:
         times=np.array([one.time for one in later]),
         observed=maps,
         fitted_frames=len(later),
-        noise=Noise(0.0, 0.0, 0.0),
+        noise=Noise(0.0, 0.0, 0.0, 1.0),
         start=first.time,
         held_out_start=later[-1].time,
         end=later[-1].time,

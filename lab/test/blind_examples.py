@@ -50,5 +50,5 @@ def stated(
 
 def predicted(folder: Path, case: BlindCase, times, observed, before, after) -> None:
     """Write a fields.nc with these held-out maps into `folder`."""
-    held_out = HeldOut(np.array(times), observed, before, after, 0.1, 0.0, 0.0)
+    held_out = HeldOut(np.array(times), observed, before, after, 0.1, 0.0, 0.0, 0.0)
     write_fields(folder / 'fields.nc', case.rig.default_grid(case.cell_m), observed[0], held_out)

@@ -21,6 +21,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallb
 from rclpy.clock import Clock, ClockType
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.parallel import MOST_WORKERS
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.correction import Correction
 from porotwin_core.model.learnt_solver import LearntSolver, solver_named
@@ -63,9 +64,6 @@ FEEDBACK_S = 10.0
 MOST_PAIRS = 3000
 """Newest pairs that a training reads from the folder of a trainer: a day of photographs every 30 s,
 about 1 GB for maps of 5 mm on the small rig."""
-
-MOST_THREADS = 64
-"""Threads of the network; more than any laboratory machine has cores."""
 
 
 def _version() -> str:
@@ -114,7 +112,7 @@ class CostaNode(TwinNode):
             1,
             'threads that the network may use',
             at_least=1,
-            at_most=MOST_THREADS,
+            at_most=MOST_WORKERS,
         )
         self._solver = declare(
             self,

@@ -40,7 +40,7 @@ VERSION_0_1_SETTINGS = {
 
 @pytest.fixture(scope='module', params=list(NETWORKS))
 def trained(request, dataset):
-    settings = TrainingSettings(epochs=8, learning_rate=3e-3)
+    settings = TrainingSettings(epochs=8, learning_rate=3e-3, patience=40)
     # these tests are about gate and files, not about learning
     return dataclasses.replace(
         train(dataset, NETWORKS[request.param], settings, seed=21), trust=0.9

@@ -32,7 +32,7 @@ NETWORKS = {
 
 @pytest.fixture(scope='module', params=list(NETWORKS))
 def trained(request, dataset):
-    settings = TrainingSettings(epochs=8, learning_rate=3e-3)
+    settings = TrainingSettings(epochs=8, learning_rate=3e-3, patience=40)
     # these tests are about gate and files, not about learning
     return dataclasses.replace(
         train(dataset, NETWORKS[request.param], settings, seed=21), trust=0.9
@@ -118,7 +118,7 @@ def test_unknown_cells_are_withheld(trained, dataset):
 
 def test_paper_network_does_not_answer_for_a_well_that_never_pumped_in_training(dataset):
     only_left = dataset.select(dataset.experiment == 0)
-    settings = TrainingSettings(epochs=2)
+    settings = TrainingSettings(epochs=2, patience=40)
     trained = dataclasses.replace(train(only_left, NETWORKS['paper'], settings, seed=21), trust=1.0)
     predicted, _, time_step = question(dataset)
     rate = from_ml_h(400.0)

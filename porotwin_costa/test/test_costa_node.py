@@ -54,7 +54,7 @@ def costa(rig_file) -> Iterator[subprocess.Popen]:
 
 @pytest.fixture(scope='module')
 def trained(dataset):
-    settings = TrainingSettings(epochs=10, batch_size=4, learning_rate=5e-3)
+    settings = TrainingSettings(epochs=10, batch_size=4, learning_rate=5e-3, patience=40)
     return train(dataset, architecture('local'), settings, seed=5)
 
 
@@ -227,7 +227,7 @@ def test_models_loaded_beside_a_training_are_whole_and_stay(
 ):
     pairs, output = tmp_path / 'pairs.safetensors', tmp_path / 'output.safetensors'
     dataset.save(pairs)
-    other = train(dataset, architecture('local'), TrainingSettings(epochs=5), seed=6)
+    other = train(dataset, architecture('local'), TrainingSettings(epochs=5, patience=40), seed=6)
     request, predicted, rates = _question(model, unseen_frames)
     files, answers = [], []
     for number, each in enumerate((trained, other)):
@@ -261,7 +261,7 @@ def test_the_loaded_model_decides_which_network_is_trained(
     output = tmp_path / 'output.safetensors'
     dataset.save(pairs)
     small = trained.architecture.described({'filters': 4})
-    quick = train(dataset, small, TrainingSettings(epochs=1), seed=5)
+    quick = train(dataset, small, TrainingSettings(epochs=1, patience=40), seed=5)
     quick.save(start_model)
     process = start('costa_node', rig=rig_file, model=start_model, trained_model=output)
     try:

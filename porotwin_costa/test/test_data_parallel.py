@@ -15,7 +15,7 @@ from porotwin_costa.networks.training_settings import TrainingSettings
 from porotwin_costa.training.data_parallel import joined, own_part
 from porotwin_costa.training.training import train
 
-SETTINGS = TrainingSettings(epochs=2, batch_size=5, window=12)
+SETTINGS = TrainingSettings(epochs=2, batch_size=5, window=12, patience=40)
 """The last batch has an odd number of samples, so that the processes have unequal parts."""
 
 

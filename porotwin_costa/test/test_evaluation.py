@@ -8,9 +8,9 @@ import pytest
 from costa_examples import TIME_STEP
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.clock.periods import last_part_begin
 from porotwin_core.geometry.grid import relative_error
 from porotwin_core.model.correction import Correction
+from porotwin_core.model.held_out_share import held_out_begin
 from porotwin_costa.correction.corrective_source import APPLIED, NO_MODEL, PHYSICS_ONLY
 from porotwin_costa.evaluation.evaluation import evaluate
 
@@ -58,7 +58,7 @@ def test_the_last_30_percent_begin_where_those_of_a_diagnosis_do(model, unseen_f
     result = _run(model, [unseen_frames], _nothing)
     (means,) = result.by_recording().values()
     times = unseen_frames.times
-    late = result.frames[-sum(times >= last_part_begin(times[0], times[-1])) :]
+    late = result.frames[-sum(times >= held_out_begin(times[0], times[-1])) :]
     expected = np.mean([frame.free_predicted for frame in late])
     assert len(late) == 8
     assert means['free_running_last_30_percent']['model'] == pytest.approx(expected)

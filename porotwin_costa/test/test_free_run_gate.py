@@ -38,7 +38,7 @@ def judge(grid) -> Judge:
 
 @pytest.fixture
 def silent(dataset) -> CorrectiveModel:
-    model = train(dataset, architecture('hybrid'), TrainingSettings(epochs=1), seed=3)
+    model = train(dataset, architecture('hybrid'), TrainingSettings(epochs=1, patience=40), seed=3)
     return replace(model, trust=0.0)
 
 
@@ -132,7 +132,9 @@ def test_the_end_of_a_single_experiment_is_kept(grid):
 
 def test_a_thousand_corrected_steps_stay_within_bounds_and_keep_the_tracer(dataset, grid):
     small = architecture('local').described({'filters': 2})
-    model = replace(train(dataset, small, TrainingSettings(epochs=1), seed=3), trust=1.0)
+    model = replace(
+        train(dataset, small, TrainingSettings(epochs=1, patience=40), seed=3), trust=1.0
+    )
     solver, rates = MovingTracers(), {}
     correct, plain = corrector(model, solver), solver.model(LearntPhysics())
     state = moving_frames(grid, 1).concentration[0]

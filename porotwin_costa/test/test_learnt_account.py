@@ -15,7 +15,7 @@ from porotwin_costa.training.training import train
 
 @pytest.fixture
 def corrective(dataset):
-    return train(dataset, architecture('local'), TrainingSettings(epochs=1), seed=3)
+    return train(dataset, architecture('local'), TrainingSettings(epochs=1, patience=40), seed=3)
 
 
 def test_the_effects_of_a_mixture_are_told_apart():

@@ -21,7 +21,7 @@ def frames(grid):
 @pytest.fixture
 def corrective(dataset):
     """Return a model with smooth activations, so that differences are exact slopes."""
-    settings = TrainingSettings(epochs=1, batch_size=8)
+    settings = TrainingSettings(epochs=1, batch_size=8, patience=40)
     model = train(dataset, LOCAL, settings, seed=3)
     for number, layer in enumerate(model.network.trunk):
         if isinstance(layer, torch.nn.ReLU):

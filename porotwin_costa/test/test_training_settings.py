@@ -7,8 +7,8 @@ from porotwin_costa.networks.training_settings import TrainingSettings
 
 
 def test_number_of_epochs_can_be_chosen_or_kept():
-    assert TrainingSettings(epochs=7).with_epochs(3).epochs == 3
-    assert TrainingSettings(epochs=7).with_epochs(0).epochs == 7
+    assert TrainingSettings(epochs=7, patience=40).with_epochs(3).epochs == 3
+    assert TrainingSettings(epochs=7, patience=40).with_epochs(0).epochs == 7
 
 
 @pytest.mark.parametrize(
@@ -17,4 +17,4 @@ def test_number_of_epochs_can_be_chosen_or_kept():
 )
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(InputError):
-        TrainingSettings(**wrong)
+        TrainingSettings(**{'epochs': 1, 'patience': 1, **wrong})

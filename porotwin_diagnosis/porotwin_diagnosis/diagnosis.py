@@ -29,9 +29,9 @@ class Diagnosis:
         gap: where and when the gap arises; without places if there is no gap.
         strengths: the smallest visible strength of each effect, by name.
         proposals: checks and experiments that would show more.
+        seconds: time that the diagnosis took [s].
         excluded: names of effects that were not considered.
         rates: the rates of sources that nobody measured.
-        seconds: time that the diagnosis took [s].
         remainder: the form of an unexplained gap; None for other verdicts.
         partial: effects that close much of an unexplained gap, and the remainder.
         remarks: lines on what is odd in the recordings.
@@ -46,8 +46,8 @@ class Diagnosis:
     gap: GapMap
     strengths: dict[str, Strength]
     proposals: tuple[Proposal, ...]
+    seconds: float
     excluded: tuple[str, ...] = ()
-    seconds: float = 0.0
     remainder: RemainderForm | None = None
     partial: PartialCause | None = None
     remarks: tuple[str, ...] = ()

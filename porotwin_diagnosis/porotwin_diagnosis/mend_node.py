@@ -23,13 +23,12 @@ from std_msgs.msg import Header
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S, MINUTE_S
 from porotwin_core.clock.freshness import stamp_doubts
-from porotwin_core.clock.periods import POLL_S
+from porotwin_core.clock.periods import END_S, POLL_S
 from porotwin_core.rig import EffectDescription
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.model_effects import ToldEffects
 from porotwin_core.ros.node import (
-    END_S,
     Diagnostics,
     TwinNode,
     declare,
@@ -39,8 +38,8 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.run_topics import follow_run
-from porotwin_core.ros.senders import check_servers, goals_of
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
+from porotwin_core.ros.senders import LONGEST_SEARCH_S, check_servers, goals_of
+from porotwin_core.ros.service_answer import twin_answer_within
 from porotwin_core.ros.single_instance import only_one
 from porotwin_core.ros.vouching import OnlyCaller, Voucher
 from porotwin_diagnosis.mending.finding import read_finding

@@ -48,6 +48,7 @@ def diagnosis_of_denser_sand(path: Path) -> Diagnosis:
         gap=map_gap(recording),
         strengths={'porosity': Strength('factor', 0.0097, '-')},
         proposals=(),
+        seconds=0.0,
     )
 
 
@@ -59,7 +60,7 @@ def held_out_part(recording: Recording, sample: Sample, model: Fit) -> HeldOut:
     before = Forward(part).maps(())
     after = Forward(part).maps(model.effects)
     errors = (part.relative_error(before), part.relative_error(after))
-    return HeldOut(part.times, observed, before, after, *errors, 0.03)
+    return HeldOut(part.times, observed, before, after, *errors, 0.03, 0.0)
 
 
 def twice(result: Diagnosis) -> Diagnosis:

@@ -44,7 +44,7 @@ def _parts(
         observed=np.where(np.isfinite(late.observed), true + noise, np.nan),
         own_deviation=np.full(true.shape, NOISE),
         shared_errors=sizes,
-        noise=Noise(0.0, NOISE, NOISE, random=(NOISE,), systematic=(0.05,)),
+        noise=Noise(0.0, NOISE, NOISE, 1.0, random=(NOISE,), systematic=(0.05,)),
     )
     found = error_parts(seen, *truth, 0.0)
     assert np.linalg.norm(astuple(found)) == pytest.approx(seen.relative_error(truth[0]))

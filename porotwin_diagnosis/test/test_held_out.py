@@ -23,7 +23,7 @@ def part(before, after, *, uneven=0.0, floor=0.02):
     noise /= np.linalg.norm(noise) / np.linalg.norm(TRUTH)
     maps = (TRUTH + before * noise, TRUTH + after * noise)
     errors = [np.linalg.norm(shown - TRUTH) / np.linalg.norm(TRUTH) for shown in maps]
-    return HeldOut(np.arange(8.0), TRUTH, *maps, *errors, floor)
+    return HeldOut(np.arange(8.0), TRUTH, *maps, *errors, floor, 0.0)
 
 
 def test_the_interval_holds_the_estimate_and_is_the_same_each_time():
@@ -36,7 +36,7 @@ def test_the_interval_holds_the_estimate_and_is_the_same_each_time():
 def test_the_interval_of_an_uneven_gap_is_wider():
     after = TRUTH.copy()
     after[:, :, :15] *= 1.2  # one half is as wrong as before, the other is corrected
-    held = HeldOut(np.arange(8.0), TRUTH, 1.2 * TRUTH, after, 0.2, 0.2 / np.sqrt(2), 0.01)
+    held = HeldOut(np.arange(8.0), TRUTH, 1.2 * TRUTH, after, 0.2, 0.2 / np.sqrt(2), 0.01, 0.0)
     _, (low, high) = gap_closed_with_interval([held])
     _, (even_low, even_high) = gap_closed_with_interval([part(0.2, 0.2 / np.sqrt(2), floor=0.01)])
     assert high - low > 3 * (even_high - even_low)
@@ -59,7 +59,7 @@ def test_cells_that_are_never_seen_do_not_count():
     seen = part(0.3, 0.1)
     observed = TRUTH.copy()
     observed[:, :, -3:] = np.nan
-    held = HeldOut(seen.times, observed, seen.before, seen.after, 0.3, 0.1, 0.02)
+    held = HeldOut(seen.times, observed, seen.before, seen.after, 0.3, 0.1, 0.02, 0.0)
     assert np.isfinite(gap_closed_with_interval([held])[1]).all()
     assert (held.remainder[:, -3:] == 0.0).all()
     assert held.remainder[:, :-3].mean() > 0.0
@@ -73,7 +73,7 @@ def test_errors_of_several_recordings_are_combined_as_root_mean_square():
 
 def test_another_blur_changes_the_noise_floor_and_nothing_else():
     held = part(0.3, 0.1)
-    noise = Noise(0.03, 0.008, 0.004)
+    noise = Noise(0.03, 0.008, 0.004, 1.0)
     sharp, wide = (held.assuming_point_spread(width, noise) for width in (0.0, 1.0))
     assert (sharp.point_spread_width, wide.point_spread_width) == (0.0, 1.0)
     assert wide.noise_floor > sharp.noise_floor > 0.0
@@ -100,7 +100,7 @@ def test_camera_errors_show_an_improvement_that_the_level_of_calibrated_maps_hid
     true, wrong = 1.0 * TRUTH, 0.94 * TRUTH
     wrong[..., -1] += 0.04
     observed = 0.94 * TRUTH
-    held = HeldOut(np.arange(8.0), observed, wrong, true, 0.05, 0.06, 0.0, level_known=False)
+    held = HeldOut(np.arange(8.0), observed, wrong, true, 0.05, 0.06, 0.0, 0.0, level_known=False)
     before, after = camera_errors([held])
     assert after < 1e-9 < 0.004 < before
     before, after = camera_errors([replace(held, level_known=True)])
@@ -110,9 +110,9 @@ def test_camera_errors_show_an_improvement_that_the_level_of_calibrated_maps_hid
 
 
 def test_a_model_that_errs_less_than_the_stated_noise_bounds_the_noise_floor():
-    stated = Noise(0.0, 0.004, 0.004, random=(0.1, 0.1), systematic=(0.0, 0.0))
+    stated = Noise(0.0, 0.004, 0.004, 1.0, random=(0.1, 0.1), systematic=(0.0, 0.0))
     close, far = part(0.3, 0.02).after, part(0.3, 0.3).after
     assert bounded_floor(stated, close, TRUTH) == pytest.approx(0.02, rel=0.01)
     assert bounded_floor(stated, far, TRUTH) == noise_floor(stated, far, TRUTH) < 0.3
-    noisy = Noise(0.0, 0.05, 0.05, random=(0.1, 0.1), systematic=(0.0, 0.0))
+    noisy = Noise(0.0, 0.05, 0.05, 1.0, random=(0.1, 0.1), systematic=(0.0, 0.0))
     assert bounded_floor(noisy, close, TRUTH) > 0.05

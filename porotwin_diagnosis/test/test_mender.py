@@ -25,7 +25,7 @@ class Desk:
         self.fault = None
         self.mender = Mender(
             model_maker(SMALL, GRID, 'fast'),
-            MendSettings(every_s=1200.0),
+            MendSettings(every_s=1200.0, least_confidence=0.9),
             set_effects=self._set,
             publish=self.offers.append,
             say=self.lines.append,

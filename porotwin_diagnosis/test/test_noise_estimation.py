@@ -114,7 +114,7 @@ def test_delivered_deviations_are_kept_by_concentration():
     maps = np.array([[[0.0, 0.5, 1.0, 0.5, np.nan]]])
     deviation = np.array([[[0.01, 0.05, 0.03, 0.05, np.nan]]])
     systematic = np.array([[[0.0, 0.04, 0.03, 0.03, np.nan]]])
-    noise = add_delivered(Noise(0.0, 0.0, 0.0), maps, deviation, systematic)
+    noise = add_delivered(Noise(0.0, 0.0, 0.0, 1.0), maps, deviation, systematic)
     assert noise.random[0] == pytest.approx(0.01)
     assert noise.random[10] == pytest.approx(np.sqrt((0.03**2 + 0.04**2) / 2))
     assert noise.systematic[10] == pytest.approx(np.sqrt((0.04**2 + 0.03**2) / 2))

@@ -7,7 +7,8 @@ import pytest
 from hub_examples import LIMITS
 
 from porotwin_core.basis.units import from_ml_h, to_ml_h
-from porotwin_hub.control.control_plan import SHORTEST_BLOCK_S, ControlPlan, growing_blocks
+from porotwin_core.rates.order_delay import LEAST_DELAY_S
+from porotwin_hub.control.control_plan import ControlPlan, growing_blocks
 
 ML_H = from_ml_h(1.0)
 ONE, TWO, NONE = (np.array(rates) * ML_H for rates in ([500.0, 0, 0], [0, 0, 500.0], [0.0, 0, 0]))
@@ -20,13 +21,13 @@ def test_blocks_grow_and_none_is_short(horizon: float) -> None:
     lengths = np.diff(np.append(starts, horizon))
     assert starts[0] == 0.0
     assert len(starts) < 30
-    assert (lengths > min(SHORTEST_BLOCK_S, horizon) * 0.99).all()
+    assert (lengths > min(LEAST_DELAY_S, horizon) * 0.99).all()
 
 
 def test_moments_of_a_plan_are_among_the_blocks() -> None:
     starts = growing_blocks(3000.0, (0.0, 55.0, 1234.0))
     assert {0.0, 55.0, 1234.0} <= set(starts)
-    assert np.diff(starts).min() > SHORTEST_BLOCK_S
+    assert np.diff(starts).min() > LEAST_DELAY_S
 
 
 def test_stages_join_blocks_with_the_same_rates() -> None:

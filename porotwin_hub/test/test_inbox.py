@@ -8,13 +8,7 @@ import pytest
 from porotwin_core.clock.freshness import IN_TIME, StampJudgement
 from porotwin_core.rates.rate_periods import KnownRates
 from porotwin_core.rates.wells import WellRate
-from porotwin_hub.loop.inbox import (
-    REMEMBERED_STATES,
-    WAITING_STATES,
-    ArrivedState,
-    Inbox,
-    ReadyState,
-)
+from porotwin_hub.loop.inbox import WAITING_STATES, ArrivedState, Inbox, ReadyState
 
 RATES = {'push': WellRate(1e-7)}
 OTHER = {'push': WellRate(2e-7)}
@@ -87,7 +81,7 @@ def test_a_state_is_ready_when_both_messages_are_here(
 
 
 def test_a_state_that_is_never_refreshed_is_forgotten(inbox: Inbox[str]) -> None:
-    for number in range(REMEMBERED_STATES + 1):
+    for number in range(WAITING_STATES + 1):
         inbox.add_state(state(number))
     inbox.add_refreshed(0)
     assert nothing(inbox)

@@ -14,7 +14,7 @@ from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.learnt_physics import LearntPhysics
-from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.order_delay import OrdersAhead
 from porotwin_core.rates.water_levels import Rises, WaterLevels
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates, net_rate
@@ -84,7 +84,16 @@ class TwoStages:
 
 def controller(model: TwoStages, **changes: Any) -> PlanController:
     given = PlanController(
-        LIMITS, OBJECTIVE, model, cells=SHAPE, horizon=1800.0, end=END, change_cost=10.0
+        LIMITS,
+        OBJECTIVE,
+        model,
+        cells=SHAPE,
+        horizon=1800.0,
+        interval=30.0,
+        end=END,
+        change_cost=10.0,
+        patience=math.inf,
+        pauses=NO_PAUSES,
     )
     return dataclasses.replace(given, **changes)
 

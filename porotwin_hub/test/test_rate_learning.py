@@ -48,7 +48,7 @@ def fronts(x: float, z: float) -> FloatArray:
 
 
 def estimate(concentration: FloatArray) -> Estimate:
-    volume = Volume(0.0, np.diag([0.0, 1e-4, 0.0]))
+    volume = Volume(0.0, np.diag([0.0, 1e-4, 0.0]), 1.0)
     return Estimate(concentration, np.zeros(GRID.shape), volume, concentration)
 
 

@@ -40,7 +40,7 @@ class Expectation:
     times: FloatArray
     zone_tracer: FloatArray
     zone_reached: FloatArray
-    outline_time: float = 0.0
+    outline_time: float
     outlines: tuple[Outline, ...] = ()
     now: tuple[Outline, ...] = ()
     water: str = ''

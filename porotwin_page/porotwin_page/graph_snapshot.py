@@ -32,14 +32,12 @@ TRACER_PLACES: dict[ZoneKind, str] = {
 """Where the counted tracer is, by kind of zone; the first kind that a rig has counts."""
 
 # Bounds of everything else, so that memory does not grow with the length of a run.
-SETPOINTS_KEPT = 20
-MARKS_KEPT = 50
-NODES_KEPT = 64
+MOST_KEPT = 64
+"""Setpoints, their events, marks, and nodes."""
+
 ARRIVALS_KEPT = 8
 FORECASTS_KEPT = 3
 REMARKS_KEPT = 6
-LOG_KEPT = 200
-"""Lines of the log of setpoints: more than an hour of setpoints with confirmations."""
 
 
 @dataclass(frozen=True)
@@ -458,7 +456,7 @@ def with_setpoint(now: GraphSnapshot, setpoint: Setpoint) -> GraphSnapshot:
     return replace(
         now,
         history=history,
-        setpoints=(*kept, setpoint)[-SETPOINTS_KEPT:],
+        setpoints=(*kept, setpoint)[-MOST_KEPT:],
         confirmed=None if restarted else now.confirmed,
         expired=None,
     )
@@ -468,7 +466,7 @@ def _with_line(
     now: GraphSnapshot, clock: float, event: Event, sequence: int | None, rates: WellRates
 ) -> GraphSnapshot:
     line = LogLine(clock, event, sequence, rates)
-    return replace(now, log=(*now.log, line)[-LOG_KEPT:])
+    return replace(now, log=(*now.log, line)[-MOST_KEPT:])
 
 
 def with_graph_time(now: GraphSnapshot, graph: float | None, clock: float) -> GraphSnapshot:
@@ -582,7 +580,7 @@ def with_new_experiment(now: GraphSnapshot, time: float) -> GraphSnapshot:
 
 def with_interruption(now: GraphSnapshot, mark: Mark) -> GraphSnapshot:
     """Return the snapshot after an interruption, without forecasts."""
-    return replace(now, marks=(*now.marks, mark)[-MARKS_KEPT:], predicted=(), corrected=())
+    return replace(now, marks=(*now.marks, mark)[-MOST_KEPT:], predicted=(), corrected=())
 
 
 def with_end(now: GraphSnapshot, reason: str) -> GraphSnapshot:
@@ -596,7 +594,7 @@ def _newest_nodes(health: dict[str, Health]) -> dict[str, Health]:
     def worth(name: str) -> tuple[bool, float]:
         return health[name].present is not None, health[name].arrival
 
-    newest = sorted(health, key=worth)[-NODES_KEPT:]
+    newest = sorted(health, key=worth)[-MOST_KEPT:]
     return {name: health[name] for name in sorted(newest)}
 
 

@@ -10,9 +10,6 @@ LONGEST_TEXT = 60
 SILENT_AFTER_S = 10.0
 """Nodes report every second; after this time without a report a node is silent [s]."""
 
-SILENT_GAPS = 3.0
-"""A node that reports less often is silent after so many times the time between its reports."""
-
 
 _ORDER = {'error': 0, 'silent': 1, 'warn': 2}
 _SYMBOLS = {'error': '✖', 'silent': '✖', 'warn': '▲'}
@@ -25,7 +22,7 @@ def silent_after(report: Health, interval: float) -> float:
         report: its last report.
         interval: time between photographs [s].
     """
-    expected = max(SILENT_AFTER_S, SILENT_GAPS * report.gap)
+    expected = max(SILENT_AFTER_S, SILENT_INTERVALS * report.gap)
     return min(expected, max(SILENT_AFTER_S, SILENT_INTERVALS * interval))
 
 

@@ -29,7 +29,9 @@ from porotwin_core.ros.node import (
     hardware_id,
     run,
 )
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
+from porotwin_core.ros.node_health import CALLBACK_PATIENCE_S
+from porotwin_core.ros.senders import LONGEST_SEARCH_S
+from porotwin_core.ros.service_answer import twin_answer_within
 from porotwin_core.ros.vouching import Voucher
 from porotwin_msgs.msg import (
     CleanState,
@@ -48,8 +50,9 @@ from porotwin_page import address, graph_snapshot
 from porotwin_page.access import Access, new_token, parse_hosts, token_in
 from porotwin_page.confirmation import Confirmation
 from porotwin_page.expectation import Expectation, plume_outlines
+from porotwin_page.graph_snapshot import HISTORY_LENGTH
 from porotwin_page.mend_answer import LONGEST_ANSWER_S, MendAnswer
-from porotwin_page.past_states import MOST_STATES, PastStates
+from porotwin_page.past_states import PastStates
 from porotwin_page.rigs import RigList, announce, named_pages
 from porotwin_page.server import (
     ConfirmationUnavailable,
@@ -68,9 +71,6 @@ LEVELS = {
 }
 NODES_PERIOD = 2.0
 """Period of the search for nodes in the graph [s]."""
-
-LONGEST_BUSY = 10.0
-"""Time without a free thread after which the page reports an error [s]; drawing takes less."""
 
 SETPOINT_TOPIC = 'wells/setpoint'
 
@@ -137,7 +137,7 @@ class PageNode(TwinNode):
         states = declare(
             self,
             'states_kept',
-            MOST_STATES,
+            HISTORY_LENGTH,
             'earlier states for the time slider; 0: none',
             at_least=0,
             at_most=100_000,
@@ -372,7 +372,7 @@ class PageNode(TwinNode):
         self._store.update(graph_snapshot.with_graph_time, self._graph_time(), time.time())
         self._complaints.look()
         count, workers = self._application.streams, self._application.workers
-        if (busy := workers.busy_for) > LONGEST_BUSY:
+        if (busy := workers.busy_for) > CALLBACK_PATIENCE_S:
             self._diagnostics.report(
                 DiagnosticStatus.ERROR,
                 f'all {workers.count} threads of the page are at work for {busy:.0f} s: maps and '

@@ -13,6 +13,7 @@ from porotwin_core.basis.json_text import json_value
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import WellRate
 from porotwin_page.graph_snapshot import (
+    HISTORY_LENGTH,
     CyclePoint,
     GraphSnapshot,
     Map,
@@ -20,9 +21,6 @@ from porotwin_page.graph_snapshot import (
     Setpoint,
     matching,
 )
-
-MOST_STATES = 960
-"""States kept: 8 hours of a photograph every 30 s."""
 
 MOST_BYTES = 256 << 20
 """Largest file of states [bytes]: 8 hours on the small rig's default grid, less on finer ones."""
@@ -43,7 +41,7 @@ class PastStates:
     Numbers count all states of this process. Threads may add and read at the same time.
     """
 
-    def __init__(self, *, most: int = MOST_STATES, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, *, most: int = HISTORY_LENGTH, most_bytes: int = MOST_BYTES) -> None:
         """Keep at most `most` states in a file of at most `most_bytes`."""
         self._most, self._most_bytes = most, most_bytes
         self._lock = threading.Lock()

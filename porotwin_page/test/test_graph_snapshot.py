@@ -174,9 +174,9 @@ def test_the_photo_interval_is_the_longer_of_recorded_and_measured() -> None:
 def test_made_up_names_take_no_place_of_a_node_of_the_graph() -> None:
     now = snapshot.with_health(GraphSnapshot(), 'hub', Health(Level.ERROR, 'no setpoint', 1.0))
     now = snapshot.with_nodes(now, ['hub'], 2.0)
-    for number in range(2 * snapshot.NODES_KEPT):
+    for number in range(2 * snapshot.MOST_KEPT):
         now = snapshot.with_health(now, f'lamp {number}', Health(Level.OK, 'lit', 3.0 + number))
-    assert len(now.health) == snapshot.NODES_KEPT
+    assert len(now.health) == snapshot.MOST_KEPT
     assert now.health['hub'].message == 'no setpoint'
 
 
@@ -199,22 +199,22 @@ def test_a_node_may_leave_the_graph_and_return() -> None:
     [
         (
             'health',
-            snapshot.NODES_KEPT,
+            snapshot.MOST_KEPT,
             lambda now, k: snapshot.with_health(now, f'node{k}', Health(Level.OK, '', k)),
         ),
         (
             'setpoints',
-            snapshot.SETPOINTS_KEPT,
+            snapshot.MOST_KEPT,
             lambda now, k: snapshot.with_setpoint(now, setpoint(k, 1.0)),
         ),
         (
             'log',
-            snapshot.LOG_KEPT,
+            snapshot.MOST_KEPT,
             lambda now, k: snapshot.with_setpoint(now, setpoint(k, 1.0)),
         ),
         (
             'marks',
-            snapshot.MARKS_KEPT,
+            snapshot.MOST_KEPT,
             lambda now, k: snapshot.with_interruption(now, snapshot.Mark(k, '')),
         ),
         (

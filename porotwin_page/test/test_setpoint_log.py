@@ -3,8 +3,7 @@
 from page_examples import START, content, rates, two_cycles
 
 from porotwin_page import graph_snapshot as snapshot
-from porotwin_page.graph_snapshot import GraphSnapshot
-from porotwin_page.panels.setpoint_log import LINES_SHOWN
+from porotwin_page.graph_snapshot import MOST_KEPT, GraphSnapshot
 
 
 def test_lines_have_clock_times_and_rates_the_newest_first() -> None:
@@ -23,8 +22,8 @@ def test_lines_have_clock_times_and_rates_the_newest_first() -> None:
 
 def test_only_the_newest_lines_are_shown() -> None:
     now = GraphSnapshot()
-    for k in range(2 * LINES_SHOWN):
+    for k in range(2 * MOST_KEPT):
         now = snapshot.with_measured(now, rates(k), by_person=True, clock=START + k)
     lines = content('setpoint_log', now)
-    assert len(lines) == LINES_SHOWN
-    assert lines[0]['clock_s'] == START + 2 * LINES_SHOWN - 1
+    assert len(lines) == MOST_KEPT
+    assert lines[0]['clock_s'] == START + 2 * MOST_KEPT - 1

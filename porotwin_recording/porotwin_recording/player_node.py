@@ -50,9 +50,6 @@ PROGRESS_PERIOD = 5.0
 FASTEST = 1000.0
 """Largest speed relative to the recording; 0 stands for no waiting at all."""
 
-SHORTEST_WAIT = 0.1
-"""Shortest limit of a wait for an answer [s]: less than any cycle takes."""
-
 PHOTOGRAPH_TIME = 'photograph_time'
 """Value in the diagnostics of imaging: the stamp of the photograph that it refuses [s]."""
 
@@ -125,7 +122,7 @@ class PlayerNode(TwinNode):
             'lockstep_timeout_s',
             60.0,
             'longest wait for that answer [s]',
-            at_least=SHORTEST_WAIT,
+            at_least=POLL_S,
             at_most=HOUR_S,
         )
         self._replay_clock = ReplayClock(rate)

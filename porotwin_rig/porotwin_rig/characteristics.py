@@ -53,7 +53,7 @@ class Carrier:
     wells: FloatArray
     entering: FloatArray
     canal: NDArray[np.bool_]
-    settling: float = 0.0
+    settling: float
     settling_length: float = 0.02
 
 

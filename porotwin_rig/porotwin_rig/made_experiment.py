@@ -10,7 +10,9 @@ import numpy as np
 
 from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.model.held_out_share import held_out_begin
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
@@ -30,16 +32,13 @@ PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
 ORIGIN = MapOrigin(program=f'{PROGRAM}, {VIRTUAL}')
 """What the file of the maps says of them: they do not come from its photographs."""
 
-HELD_OUT_START = 0.7
-"""Start of the part that diagnoses are judged on, relative to the duration."""
-
 
 @dataclass(frozen=True)
 class MadeExperiment:
     """Facts about a simulated experiment.
 
     Args:
-        times: times of the frames [s]; lost frames are left out.
+        times: times of the frames [s].
         noise_floor: relative L2 norm, over the last 30 % of the time, of the difference between the
             maps and the signal.
         injected: volume of tracer stock injected [m^3].
@@ -60,9 +59,9 @@ class NoiseFloor:
         self._signal = 0.0
 
     def add(self, seen: FloatArray, signal: FloatArray) -> None:
-        """Add a frame: the map `seen` (NaN in blind spots) and its `signal`, (nz, nx) [-] each."""
-        self._difference += float(np.nansum((seen - signal) ** 2))
-        self._signal += float(np.sum(np.where(np.isfinite(seen), signal, 0.0) ** 2))
+        """Add a frame: the map `seen` and its `signal`, (nz, nx) [-] each."""
+        self._difference += float(np.sum((seen - signal) ** 2))
+        self._signal += float(np.sum(signal**2))
 
     @property
     def value(self) -> float:
@@ -145,11 +144,13 @@ def make_experiment(
     rows = tuple(row for row in commanded.rows if row.time <= duration)
     write_folder(folder, RecordedData(rig, commanded=replace(commanded, rows=rows)))
     camera_of_maps = MapCamera(grid, noise or PERFECT, seed=seed)
-    times = [n * float(photo_interval) for n in range(int(duration / photo_interval + 1e-9) + 1)]
+    times = [
+        n * float(photo_interval) for n in range(int(duration / photo_interval + ROUND_OFF) + 1)
+    ]
     photos: list[Photo] = []
     if photographer is not None:
         photos.append(_stored(folder, 'baseline', 0.0, photographer.baseline()))
-    kept, floor = [], NoiseFloor()
+    floor = NoiseFloor()
     packed, file = noise is not None, folder / 'concentration.nc'
     with (
         ConcentrationWriter(file, grid, packed=packed, origin=ORIGIN) as maps,
@@ -164,8 +165,6 @@ def make_experiment(
             passed=lambda time: progress(min(time / duration, 1.0)),
         )
         for number, (time, visible) in enumerate(seen_by_camera):
-            if camera_of_maps.is_lost(number):
-                continue
             signal = conservative_resample(visible, grid.shape)
             seen = signal if noise is None else camera_of_maps.map(signal, number)
             maps.append(time, seen)
@@ -174,12 +173,11 @@ def make_experiment(
             if photographer is not None and number > 0:
                 jpeg = photographer.photograph(visible, time=time)
                 photos.append(_stored(folder, 'state', time, jpeg))
-            if time >= HELD_OUT_START * duration:
+            if time >= held_out_begin(0.0, duration):
                 floor.add(seen, signal)
-            kept.append(time)
     if photos:
         write_photos(folder, photos)
-    return MadeExperiment(tuple(kept), floor.value, asset.balance.injected, asset.balance.removed)
+    return MadeExperiment(tuple(times), floor.value, asset.balance.injected, asset.balance.removed)
 
 
 def _stored(folder: Path, role: Literal['baseline', 'state'], time: float, jpeg: bytes) -> Photo:

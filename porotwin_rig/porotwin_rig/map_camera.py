@@ -22,8 +22,6 @@ class MapNoise:
         frame_cells: correlation length of that noise [cells].
         blur_cells: standard deviation of the Gaussian that smooths edges [cells].
         background: noise of a frame without tracer, relative to that on full tracer.
-        lost: part of the frames that are missing.
-        patches: number of blind spots (NaN), the same in all frames.
     """
 
     grain: float = 0.025
@@ -32,8 +30,6 @@ class MapNoise:
     frame_cells: float = 0.8
     blur_cells: float = 0.55
     background: float = 0.6
-    lost: float = 0.0
-    patches: int = 0
 
     @classmethod
     def drawn(cls, seed: int) -> 'MapNoise':
@@ -67,15 +63,9 @@ class MapCamera:
         self._seed = seed
         generator = np.random.default_rng([seed, 6])
         self._grain = noise.grain * _correlated(generator, grid.shape, noise.grain_cells)
-        self._blind = _patches(grid, noise.patches, generator)
-
-    def is_lost(self, number: int) -> bool:
-        """Return whether frame `number` is missing; the first one never is."""
-        generator = np.random.default_rng([self._seed, 7, number])
-        return number > 0 and bool(generator.random() < self.noise.lost)
 
     def map(self, signal: FloatArray, number: int) -> FloatArray:
-        """Return frame `number` of `signal` (nz, nx) with noise: 0 to 1, NaN in blind spots."""
+        """Return frame `number` of `signal` (nz, nx) with noise: 0 to 1."""
         generator = np.random.default_rng([self._seed, 8, number])
         blurred = signal
         if self.noise.blur_cells > 0.0:
@@ -86,8 +76,7 @@ class MapCamera:
             )
         flicker = self.noise.frame * _correlated(generator, signal.shape, self.noise.frame_cells)
         share = self.noise.background + (1.0 - self.noise.background) * np.clip(blurred, 0.0, 1.0)
-        seen = np.clip(blurred * (1.0 + self._grain) + share * flicker, 0.0, 1.0)
-        return np.where(self._blind, np.nan, seen)
+        return np.clip(blurred * (1.0 + self._grain) + share * flicker, 0.0, 1.0)
 
 
 def _correlated(generator: np.random.Generator, shape: tuple[int, ...], cells: float) -> FloatArray:
@@ -97,13 +86,3 @@ def _correlated(generator: np.random.Generator, shape: tuple[int, ...], cells: f
         return field
     smooth = np.asarray(cv2.GaussianBlur(field, (0, 0), cells))
     return smooth / smooth.std()
-
-
-def _patches(grid: Grid, count: int, generator: np.random.Generator) -> NDArray[np.bool_]:
-    """Return the blind cells: `count` discs with a radius of 1 to 3 % of the width."""
-    blind = np.zeros(grid.shape, dtype=bool)
-    for _ in range(count):
-        x, z = generator.uniform(0, grid.width), generator.uniform(0, grid.height)
-        radius = generator.uniform(0.01, 0.03) * grid.width
-        blind |= np.hypot(grid.x[None, :] - x, grid.z[:, None] - z) < radius
-    return blind

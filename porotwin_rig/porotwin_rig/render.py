@@ -38,6 +38,9 @@ _LEVELS = 1024
 _CODES = 8192
 """Entries of the sensor curve: finer than a step of the JPEG in the darkest parts."""
 
+START = datetime(2022, 6, 1, 9, 0, tzinfo=UTC)
+"""Date and time at time 0 by default."""
+
 _TILE = 512
 """Side of the tile of sensor noise [px], a power of two; repeated with random offsets."""
 
@@ -118,9 +121,9 @@ class Photographer:
         camera: the camera; by default 1600 x 1000 px with the rig filling the view.
         conditions: light, noise and shake.
         seed: seed of all random patterns.
-        start: date and time at time 0, for the exposure times in the files.
 
     Attributes:
+        start: date and time at time 0, for the exposure times in the files.
         rig: the rig with the `camera` section that describes these photographs.
     """
 
@@ -131,12 +134,11 @@ class Photographer:
         camera: VirtualCamera | None = None,
         conditions: Conditions | None = None,
         seed: int,
-        start: datetime = datetime(2022, 6, 1, 9, 0, tzinfo=UTC),
     ) -> None:
         self.camera = camera or camera_before(rig)
         self.conditions = conditions or Conditions()
         self.seed = seed
-        self.start = start
+        self.start = START
         self.rig = rig.model_copy(update={'camera': self.camera.description()})
         self._scene = build_scene(rig, self.camera, seed=seed)
         self._dye = _dye_table(self._scene)

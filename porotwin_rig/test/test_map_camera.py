@@ -27,14 +27,3 @@ def test_noise_of_a_frame_depends_on_its_number_and_seed_alone() -> None:
     np.testing.assert_array_equal(camera.map(field, 4), fourth)
     assert not np.array_equal(camera.map(field, 5), fourth)
     assert not np.array_equal(MapCamera(grid, MapNoise(), seed=4).map(field, 4), fourth)
-
-
-def test_lost_frames_and_blind_spots() -> None:
-    grid = make_rig().grid(60, 40)
-    camera = MapCamera(grid, MapNoise(lost=0.3, patches=3), seed=5)
-    lost = [camera.is_lost(n) for n in range(1000)]
-    assert not lost[0]
-    assert 0.25 < np.mean(lost) < 0.35
-    blind = [np.isnan(camera.map(np.zeros(grid.shape), n)) for n in (0, 7)]
-    assert 0.0 < blind[0].mean() < 0.3
-    np.testing.assert_array_equal(blind[0], blind[1])

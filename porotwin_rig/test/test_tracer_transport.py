@@ -109,6 +109,7 @@ def test_water_that_passes_a_well_enters_it_on_the_side_it_comes_from() -> None:
         wells=np.array([[0.1, 0.1, radius, -rate, 0.0]]),
         entering=np.zeros((21, 21)),
         canal=np.zeros((21, 21), bool),
+        settling=0.0,
     )
     angle = (np.arange(points) + 0.5) * (2.0 * math.pi / points)
     inflow = inflow_through_rim(carrier, 0.1, 0.1, radius, angle) * 2.0 * math.pi * radius / points
@@ -230,6 +231,7 @@ def test_uniform_flow_shifts_a_plume_without_smearing_it() -> None:
         np.zeros((0, 5)),
         np.zeros(shape),
         np.zeros(shape, bool),
+        settling=0.0,
     )
     x, z = np.meshgrid(mesh.x, mesh.z)
 

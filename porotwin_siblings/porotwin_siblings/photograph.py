@@ -7,9 +7,7 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray
-
-USUAL_DEVIATION = 0.02
-"""Deviation of a photograph that tells none, random and systematic each [-]."""
+from porotwin_core.model.state_filter import USUAL_RANDOM, USUAL_SYSTEMATIC
 
 
 class Photograph(NamedTuple):
@@ -27,8 +25,8 @@ class Photograph(NamedTuple):
     @classmethod
     def plain(cls, time: float, concentration: FloatArray) -> 'Photograph':
         """Return a map (nz, nx) of unknown deviation."""
-        usual = np.full(concentration.shape, USUAL_DEVIATION)
-        return cls(time, concentration, usual, usual * np.nan_to_num(concentration))
+        usual = np.full(concentration.shape, USUAL_RANDOM)
+        return cls(time, concentration, usual, USUAL_SYSTEMATIC * np.nan_to_num(concentration))
 
     def check(self) -> None:
         """Return if it can be learnt from.

@@ -1,7 +1,7 @@
 """The unknowns of the siblings: effects of the rig, as each of them draws their parameters."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ class Sibling:
 
     changes: tuple[EffectDescription, ...] = ()
     diagnosed: tuple[EffectDescription, ...] = ()
-    photograph_error: float = 0.0
+    photograph_error: float = field(kw_only=True)
 
     @cached_property
     def rate_factors(self) -> dict[str, float]:
@@ -76,7 +76,7 @@ class Unknowns:
         return Sibling(
             tuple(drawn(one, numbers) for one in self.believed),
             tuple(drawn(one, numbers) for one in self.diagnosed),
-            next(numbers),
+            photograph_error=next(numbers),
         )
 
 

@@ -28,7 +28,7 @@ def order(factor: float, control: float = RATES['control1'].rate) -> CostOrder:
     return CostOrder(
         RIG,
         GRID,
-        Sibling((SPREAD, RATE.described(well='control1', factor=factor))),
+        Sibling((SPREAD, RATE.described(well='control1', factor=factor)), photograph_error=0.0),
         {},
         PLUME,
         (RateStep(0.0, rates),),

@@ -29,7 +29,14 @@ def truth(factors: dict[str, float], times: list[float]) -> np.ndarray:
     """Return the maps (times, nz, nx) of a rig whose pumps deliver other rates."""
     pumps = tuple(RATE.described(well=well, factor=value) for well, value in factors.items())
     order = CourseOrder(
-        RIG, GRID, Sibling(pumps), EMPTY, (period(0.0, times[-1]),), None, (), tuple(times)
+        RIG,
+        GRID,
+        Sibling(pumps, photograph_error=0.0),
+        EMPTY,
+        (period(0.0, times[-1]),),
+        None,
+        (),
+        tuple(times),
     )
     return run_course(order).maps
 
@@ -81,7 +88,7 @@ def test_the_flow_between_reservoirs_is_learnt(threads: Executor) -> None:
     boundaries = RIG.boundaries.model_validate({**sides, 'heads_m': heads})
     rig = RIG.model_copy(update={'boundaries': boundaries})
     times = [300.0 * (number + 1) for number in range(8)]
-    true = Sibling((PERMEABILITY.described(factor=1.5),))
+    true = Sibling((PERMEABILITY.described(factor=1.5),), photograph_error=0.0)
     periods = (period(0.0, times[-1]),)
     order = CourseOrder(rig, GRID, true, EMPTY, periods, None, (), tuple(times))
     siblings = Siblings(rig, GRID, executor=threads)

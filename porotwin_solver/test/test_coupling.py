@@ -55,7 +55,7 @@ def test_where_multigrid_does_not_converge_the_factor_of_water_helps(rig, monkey
     rates = {next(iter(rig.wells)): WellRate(1e-7)}
     small = Coupling(physics).flux(rates, concentration)
     monkeypatch.setattr(coupling, 'LARGEST_PRECONDITIONED', 0)
-    monkeypatch.setattr(coupling, 'WORTHWHILE_CYCLES', 1)
+    monkeypatch.setattr(coupling, 'WORTHWHILE_ITERATIONS', 1)
     again = Coupling(physics).flux(rates, concentration)
     np.testing.assert_array_equal(again.x, small.x)
 

@@ -19,9 +19,6 @@ TIME_UNITS = {'minutes': MINUTE_S, 'hours': HOUR_S, 'milliseconds': 1e-3}
 LATE_BEGIN = 0.5
 """Begin over end of maps above which they are late as a whole: no other unit explains that."""
 
-MOST_EARLY = 0.5
-"""Share of photographs or maps before the start of the pumps above which a clock is wrong."""
-
 LEAST_STEPS, REGULAR_SHARE, SAME_STEP = 6, 0.8, 0.1
 """Least number of intervals, the share of them that must be alike, and how much, for a camera that
 counts as regular."""
@@ -106,7 +103,7 @@ def _beside_the_pumps(known: Known) -> Iterator[Remark]:
             continue
         first, last = min(seen), max(seen)
         last_rate = end if stand else LONG_STEP * max(end, last - first)
-        if np.mean(np.array(seen) < begin) > MOST_EARLY or first > last_rate:
+        if np.median(seen) < begin or first > last_rate:
             yield Remark.of(
                 key,
                 'other_times',

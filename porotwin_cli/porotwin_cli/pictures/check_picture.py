@@ -18,13 +18,13 @@ from matplotlib.patches import Circle, Patch
 
 from porotwin_cli.checking.rig_check import CheckedRig
 from porotwin_cli.options.output_files import maker
-from porotwin_cli.pictures.rig_drawing import DPI, ZONE_STYLES, draw_zones
+from porotwin_cli.pictures.rig_drawing import ZONE_STYLES, draw_zones
 from porotwin_core.basis.errors import InputError, writing
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.rig.control_zones import control_zones
-from porotwin_core.rig.rig_on_axes import WATER, draw_water, water_place
+from porotwin_core.rig.rig_on_axes import DOTS_PER_INCH, WATER, draw_water, water_place
 from porotwin_core.rig.sand_interfaces import MOST_SANDS, sand_level
 from porotwin_imaging.geometry.corners_and_lens import Geometry
 
@@ -84,7 +84,9 @@ def check_picture(path: Path, checked: CheckedRig, words: Sequence[str] = ()) ->
     axes[-1].axis('off')
     axes[-1].text(0.0, 1.0, '\n'.join(lines), va='top', fontsize=8, transform=axes[-1].transAxes)
     with writing(path):
-        figure.savefig(path, dpi=DPI, bbox_inches='tight', metadata={'Software': maker('check')})
+        figure.savefig(
+            path, dpi=DOTS_PER_INCH, bbox_inches='tight', metadata={'Software': maker('check')}
+        )
 
 
 def _flat(ratio: float) -> float:

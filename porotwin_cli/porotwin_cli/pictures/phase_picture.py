@@ -9,12 +9,12 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
 from porotwin_cli.options.output_files import maker
-from porotwin_cli.pictures.rig_drawing import DPI, INTERFACE, PANEL_WIDTH, UNSEEN
+from porotwin_cli.pictures.rig_drawing import INTERFACE, PANEL_WIDTH, UNSEEN
 from porotwin_core.basis.errors import writing
 from porotwin_core.clock.time_units import time_unit
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig
-from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_water, draw_wells
+from porotwin_core.rig.rig_on_axes import DOTS_PER_INCH, draw_interfaces, draw_water, draw_wells
 from porotwin_imaging.phases.phase_colours import PHASES
 from porotwin_imaging.phases.phase_measures import SURE
 from porotwin_imaging.phases.phase_segmentation import PhaseMap
@@ -65,7 +65,7 @@ def phase_sheet(path: Path, rig: Rig, maps: Mapping[float, PhaseMap], title: str
     figure.legend(handles=handles, loc='outside lower center', ncols=len(handles), frameon=False)
     figure.suptitle(title)
     with writing(path):
-        figure.savefig(path, dpi=DPI, metadata={'Software': maker('segment')})
+        figure.savefig(path, dpi=DOTS_PER_INCH, metadata={'Software': maker('segment')})
     plt.close(figure)
 
 

@@ -22,7 +22,7 @@ from porotwin_core.clock.time_units import time_unit
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Rig
 from porotwin_core.rig.control_zones import ZoneKind, control_zones
-from porotwin_core.rig.rig_on_axes import draw_interfaces, draw_water, draw_wells
+from porotwin_core.rig.rig_on_axes import DOTS_PER_INCH, draw_interfaces, draw_water, draw_wells
 
 SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
 """Colours of the concentrations from 0 to 1."""
@@ -40,9 +40,6 @@ ZONE_STYLES: dict[ZoneKind, tuple[str, str | None]] = {
 UNSEEN = '#b8b8b8'
 """Colour of cells without a value."""
 
-
-DPI = 120
-"""Resolution of the pictures [dots per inch]."""
 
 PANEL_WIDTH = 4.2
 """Width of one map [inches]."""
@@ -138,5 +135,5 @@ def sheet_of_maps(
     figure.colorbar(scale, ax=axes, shrink=0.6, label='concentration: 0 water, 1 tracer stock')
     figure.suptitle(title)
     with writing(path):
-        figure.savefig(path, dpi=DPI, metadata={'Software': maker(command)})
+        figure.savefig(path, dpi=DOTS_PER_INCH, metadata={'Software': maker(command)})
     plt.close(figure)

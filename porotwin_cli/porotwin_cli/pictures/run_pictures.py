@@ -9,11 +9,12 @@ mpl.use('Agg')
 import matplotlib.pyplot as plt
 import numpy as np
 
-from porotwin_cli.pictures.rig_drawing import DPI, draw_map, percent_scale
+from porotwin_cli.pictures.rig_drawing import draw_map, percent_scale
 from porotwin_cli.recorded.run_account import RunAccount, TrueTracer
 from porotwin_core.basis.errors import writing
 from porotwin_core.basis.units import ML
 from porotwin_core.rig import Rig
+from porotwin_core.rig.rig_on_axes import DOTS_PER_INCH
 from porotwin_core.rig.well_colours import well_colours
 
 DASHES = ('-', (0, (5, 3)), (0, (2, 2)), (2, (5, 5)), (3, (1, 3)))
@@ -47,7 +48,7 @@ def plume_picture(path: Path, rig: Rig, controlled: TrueTracer, free: TrueTracer
             draw_map(axis, rig, truth.at(minute * 60.0))
             axis.set_title(f'{label}, {minute:.0f} min')
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=DOTS_PER_INCH)
     plt.close(figure)
 
 
@@ -88,5 +89,5 @@ def course_picture(
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8, loc='upper left', bbox_to_anchor=(1.0, 1.0), frameon=False)
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=DOTS_PER_INCH)
     plt.close(figure)

@@ -12,8 +12,8 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
-from porotwin_core.clock.periods import LAST_SHARE, last_part_begin
 from porotwin_core.geometry.grid import FloatArray, relative_error
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE, held_out_begin
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.error_parts import (
     COARSER,
@@ -23,15 +23,10 @@ from porotwin_diagnosis.data.error_parts import (
     in_words,
 )
 from porotwin_diagnosis.data.initial_tracer import initial_tracer
-from porotwin_diagnosis.data.noise import blurred, noise_floor
+from porotwin_diagnosis.data.noise import TRACER_PRESENT, blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_noise, measure_point_spread_width
 from porotwin_diagnosis.data.observed_maps import evenly_spread
-from porotwin_diagnosis.data.sample import (
-    TRACER_PRESENT,
-    Sample,
-    coarsened,
-    read_sample,
-)
+from porotwin_diagnosis.data.sample import Sample, coarsened, read_sample
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.experiment.recording import Recording
 from porotwin_solver.model.presets import preset_named
@@ -70,7 +65,7 @@ class FreeRunErrors:
         """Return the errors in words."""
         parts = '' if self.parts is None else f'. It is made by: {in_words(self.parts)}'
         return (
-            f'free run beside the maps of the recording, last {percent(LAST_SHARE)}: error '
+            f'free run beside the maps of the recording, last {percent(HELD_OUT_SHARE)}: error '
             f'{percent(self.error, 1)}, or {percent(self.blurred_error, 1)} with fronts blurred as '
             f'in the maps (--blur {self.blur_cells:.2f}); the noise of the maps alone, without '
             f'blur, makes {percent(self.noise, 1)}' + (LACKS_START if self.lacks_start else parts)
@@ -92,7 +87,7 @@ class LateMaps:
 
     def __post_init__(self) -> None:
         times = self.recording.times
-        begin = last_part_begin(times[0], times[-1])
+        begin = held_out_begin(times[0], times[-1])
         chosen = evenly_spread(np.flatnonzero(times >= begin), MOST_FRAMES)
         self._late = tuple(map(int, chosen))
         with suppress(InputError):  # too few frames for the parts

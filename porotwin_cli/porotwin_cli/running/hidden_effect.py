@@ -10,6 +10,7 @@ from porotwin_core.model.blind_draw import DrawContext
 from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import with_rises
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.rig.coarse_grid import coarse_grid
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_rig.effects import EFFECTS as RIG_EFFECTS
 from porotwin_rig.effects import parse_effects, refuse_slips
@@ -36,9 +37,6 @@ error of a map from photographs."""
 
 DRAWS = 12
 """Draws of an effect; the strongest one is hidden."""
-
-TRIAL_GRID = (62, 37)
-"""Columns and rows of the trial of a surprise."""
 
 
 def hidden_effect(text: str, rig: Rig, *, seed: int) -> EffectDescription:
@@ -115,7 +113,7 @@ def surprise(
 
 
 def _map(rig: Rig, effects: tuple[EffectDescription, ...]) -> np.ndarray:
-    model = Model(rig, rig.grid(*TRIAL_GRID), preset='fast', effects=effects)
+    model = Model(rig, coarse_grid(rig, rig.default_grid()), preset='fast', effects=effects)
     rates = with_rises(Limits.of(rig).safe(), WaterLevels.of(rig).at(SHOWN_AFTER_S))
     return model.predict(model.initial_condition(), rates, SHOWN_AFTER_S)
 

@@ -14,7 +14,7 @@ mpl.use('Agg')
 import matplotlib.pyplot as plt
 import numpy as np
 
-from porotwin_cli.pictures.rig_drawing import DPI, draw_map, percent_scale
+from porotwin_cli.pictures.rig_drawing import draw_map, percent_scale
 from porotwin_cli.recorded.run_account import TrueTracer, read_account
 from porotwin_cli.running.hidden_effect import as_text
 from porotwin_cli.running.loop_operator import Operator
@@ -29,6 +29,7 @@ from porotwin_core.basis.units import MINUTE_S, ML
 from porotwin_core.geometry.grid import FloatArray, relative_error
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.rig.rig_on_axes import DOTS_PER_INCH
 from porotwin_core.ros.from_messages import effects_from_msg, rates_from_msg, time_from_msg
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_recording.mcap.bag_reader import BagReader
@@ -307,7 +308,7 @@ def _picture(
     found = f'found: {in_words(mending.last)}' if mending.last else 'nothing found to mend'
     figure.suptitle(found, fontsize=10, wrap=True)
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=DOTS_PER_INCH)
     plt.close(figure)
 
 
@@ -346,5 +347,5 @@ def _forecast_picture(
         axis.set_yticks([])
     figure.colorbar(shown, ax=axes[1:], label='forecast minus rig', shrink=0.8)
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=DOTS_PER_INCH)
     plt.close(figure)

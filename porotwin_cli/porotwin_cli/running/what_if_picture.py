@@ -11,11 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from porotwin_cli.options.output_files import maker
-from porotwin_cli.pictures.rig_drawing import DPI, draw_map
+from porotwin_cli.pictures.rig_drawing import draw_map
 from porotwin_cli.running.what_if_study import REACHED, WhatIfStudy
 from porotwin_core.basis.errors import writing
 from porotwin_core.basis.units import ML
 from porotwin_core.model.tracer_share import PLUME_THRESHOLD
+from porotwin_core.rig.rig_on_axes import DOTS_PER_INCH
 from porotwin_siblings.outlook import Outlook
 from porotwin_siblings.zone_measure import ZoneMeasure
 
@@ -65,7 +66,7 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
         _draw_plume(axis, study, name, outlook, colour)
     figure.supxlabel(_explanation(study), fontsize=9)
     with writing(path):
-        figure.savefig(path, dpi=DPI, metadata={'Software': maker('what-if')})
+        figure.savefig(path, dpi=DOTS_PER_INCH, metadata={'Software': maker('what-if')})
     plt.close(figure)
 
 

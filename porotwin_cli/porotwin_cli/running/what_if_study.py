@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_cli.options.experiment_times import MOST_TIMES
+from porotwin_cli.running.loop_run import OPEN_HORIZON_S
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.text_with_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
@@ -49,10 +50,6 @@ from porotwin_siblings.proposed_rates import (
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import REACHED_SHARE, ZoneMeasure
 from porotwin_solver.model.water_balance import WaterBalance, water_balance
-
-LEAST_HORIZON_S = 1800.0
-"""How far a study looks at the end of a recording [s]."""
-
 
 NO_ZONE = (
     'rig.yaml names no zone that tracer must stay out of (control.zone): the picture compares the '
@@ -260,7 +257,7 @@ def study_what_if(
         executor: runs the siblings.
         cells: of the grid of the siblings, which is never finer than that of the maps.
         horizon: how far to look ahead of `start` [s]; None: to the end of the recording, but at
-            least `LEAST_HORIZON_S` and at most `LONGEST_HORIZON_S`.
+            least `OPEN_HORIZON_S` and at most `LONGEST_HORIZON_S`.
         siblings: number of siblings.
         learnt: called with the number of maps that were learnt from, and of all.
         objected: called with every limit that the proposal breaks, before the work begins.
@@ -289,7 +286,7 @@ def study_what_if(
     newest = max(int(np.searchsorted(times, start + SAME_MOMENT_S, side='right')) - 1, 0)
     begin = float(times[newest])
     if horizon is None:
-        horizon = min(max(LEAST_HORIZON_S, float(times[-1]) - start), LONGEST_HORIZON_S)
+        horizon = min(max(OPEN_HORIZON_S, float(times[-1]) - start), LONGEST_HORIZON_S)
     check_proposal(steps, horizon, recording.rig)
     ahead = start + horizon - begin
     if not ahead > 0.0:  # the state is of the first map, which may be later than `start`

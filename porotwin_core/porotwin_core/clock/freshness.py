@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from porotwin_core.clock.photo_interval import VALIDITY_INTERVALS
-from porotwin_core.clock.stamps import SINCE_1970, steady_time
+from porotwin_core.clock.stamps import SAME_STAMP_S, SINCE_1970, steady_time
 
 AGREEMENT = 0.5
 """A camera's clock agrees with this machine's if it is ahead by at most this part of the photo
@@ -35,9 +35,6 @@ DRIFT = 1e-4
 
 REMEMBERED_STAMPS = 100_000
 """Stamps that are known again when a photograph comes twice: a month of one every 30 s."""
-
-STAMP_RESOLUTION_S = 1e-3
-"""Stamps closer than this [s] are the same stamp."""
 
 
 class StampJudgement(NamedTuple):
@@ -123,7 +120,7 @@ class PhotographClock:
 
     def _is_repeated(self, stamp: float) -> bool:
         """Return whether `stamp` [s] has come before, and remember it."""
-        key = round(stamp / STAMP_RESOLUTION_S)
+        key = round(stamp / SAME_STAMP_S)
         if key in self._seen_set:
             return True
         if len(self._seen) == REMEMBERED_STAMPS:

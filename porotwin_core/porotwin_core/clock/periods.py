@@ -1,4 +1,4 @@
-"""Periods that several places share."""
+"""Times between two looks at things that give no sign of a change, and waits for an end."""
 
 POLL_S = 0.2
 """Period of looks during a short wait [s]: people notice no delay."""
@@ -6,10 +6,6 @@ POLL_S = 0.2
 HEARTBEAT_S = 1.0
 """Period of other looks, and of reports of health [s]: the customary rate of /diagnostics."""
 
-LAST_SHARE = 0.3
-"""Share of a recording, at its end, that judges models: no fit of a diagnosis uses it."""
-
-
-def last_part_begin(first: float, last: float) -> float:
-    """Return the begin of the part that judges models, of maps from `first` to `last` [s]."""
-    return first + (1.0 - LAST_SHARE) * (last - first)
+END_S = 5.0
+"""Longest wait for the end of a thread or process that was told to end [s]; it takes milliseconds.
+One that waits for a dead disk may never end."""

@@ -4,15 +4,11 @@ import os
 import time
 from datetime import UTC, datetime, timedelta
 
-from porotwin_core.basis.units import DAY_S
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 
 SINCE_1970 = 1e9
 """Stamps below this [s], September 2001, are no times since 1970: a camera's clock was never set,
 or the times count from the start of an experiment."""
-
-EARLIEST_START_S = 30 * DAY_S
-"""A node that joins an experiment believes a start up to this time ago [s]: an earlier one comes
-from a wrong stamp."""
 
 SAME_PHOTOGRAPH_S = 0.5
 """Times of one photograph in several messages, and of its forecast, differ by at most this [s]."""
@@ -20,8 +16,8 @@ SAME_PHOTOGRAPH_S = 0.5
 SAME_MOMENT_S = 1.0
 """Maps, photographs and times that a person gives belong together within this [s]."""
 
-SAME_STAMP_S = 1e-6
-"""Stamps that differ by less are the same [s]: they are kept to the nanosecond."""
+SAME_STAMP_S = 1e-3
+"""Stamps that differ by less are the same [s]: photographs carry milliseconds."""
 
 
 def time_in_words(stamp: float) -> str:
@@ -88,7 +84,7 @@ def believed_start(told: float | None, began: float | None, stamp: float) -> flo
     if began is not None and began < SINCE_1970 <= stamp:
         began = None  # time zero of a simulation, but a recording of a rig is replayed
     if told is not None:
-        joined = began is None and 0.0 <= stamp - told <= EARLIEST_START_S
+        joined = began is None and 0.0 <= stamp - told <= LONGEST_EXPERIMENT_S
         if joined or abs(stamp - told) < SAME_STAMP_S:
             return told
     return stamp if began is None else min(began, stamp)

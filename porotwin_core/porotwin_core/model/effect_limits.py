@@ -9,38 +9,32 @@ import math
 MOST_DENSITY_DIFFERENCE = 1000.0
 """Density of the stock minus the density of water [kg/m3]: gas, or a brine heavier than any."""
 
-LEAST_VISCOSITY_RATIO, MOST_VISCOSITY_RATIO = 1e-3, 1e3
-"""Viscosity of the stock over the viscosity of water [-]: gas to glycerol."""
+MOST_VISCOSITY_RATIO = 1e3
+"""Viscosity of the stock over the viscosity of water [-], or its inverse: glycerol, or gas."""
 
 MOST_RETARDATION = 1e4
 """Retardation factor [-]: tracer that does not move within any experiment."""
 
-MOST_REACTION_RATE = 1.0
-"""Rate of decay, or of exchange with resting water [1/s]: over within a second."""
+MOST_CHANGE = 1.0
+"""Rate of decay, of exchange with resting water or of a drift of the light [1/s]: over within a
+second."""
 
-LEAST_FACTOR, MOST_FACTOR = 0.01, 100.0
-"""Porosity, depth, rate of a pump or exponent of the camera over the nominal one [-]."""
+MOST_FACTOR = 100.0
+"""Porosity, depth, rate of a pump, exponent of the camera or scale of its picture over the nominal
+one [-], or the inverse."""
 
-LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR = 1e-9, 1e9
-"""Permeability of a zone over the permeability of the sand [-]: more than from clay to gravel."""
+MOST_PERMEABILITY_FACTOR = 1e9
+"""Permeability of a zone over the permeability of the sand [-], or the inverse: more than from clay
+to gravel."""
 
 MOST_HALF_WAVES = 100.0
 """Half waves of the permeability along a side [-]: finer than any grid of the sand."""
 
-MOST_DISPERSIVITY = 10.0
-"""Dispersivity [m] of an aquifer, far more than in any rig."""
-
 MOST_DIFFUSION = 1e-3
 """Diffusion [m2/s]: a million times the molecular one."""
 
-MOST_DARCY_FLUX = 0.1
-"""Darcy flux [m/s] in gravel on a steep slope."""
-
-MOST_SETTLING_VELOCITY = 0.1
-"""Velocity of dye that sinks through water [m/s]: as fast as coarse sand."""
-
-MOST_WATER_LEVEL = 10.0
-"""Amplitude of a swinging water table [m]: more than any laboratory tank is high."""
+MOST_VELOCITY = 0.1
+"""Darcy flux in gravel on a steep slope, or velocity of dye that sinks like coarse sand [m/s]."""
 
 MOST_LEAK_ML_H = 1e7
 """Water lost or gained at one place [ml/h]: ten cubic metres."""
@@ -52,10 +46,8 @@ LEAST_RADIUS = 1e-6
 """Radius of a zone [m]: less than a grain."""
 
 MOST_DISTANCE = 100.0
-"""Place, radius or displacement [m]: the largest laboratory tanks are 20 m wide."""
-
-MOST_LIGHT_DRIFT = 1.0
-"""Drift of the light [1/s]: twice as bright within a second."""
+"""Place, radius, displacement, dispersivity or rise of a water level [m]: the largest laboratory
+tanks are 20 m wide."""
 
 MOST_LIGHT_GRADIENT = 1000.0
 """Gradient of the light [1/m]: twice as bright within a millimetre."""
@@ -63,8 +55,5 @@ MOST_LIGHT_GRADIENT = 1000.0
 MOST_ROTATION = math.pi
 """Rotation of the picture [rad]: half a turn."""
 
-LEAST_SCALE, MOST_SCALE = 0.1, 10.0
-"""Scale of the picture [-]."""
-
-MOST_CLOCK_OFFSET = 3.2e8
-"""Offset of a clock [s]: ten years."""
+MOST_IMMOBILE = 0.95
+"""Largest immobile fraction: the flow needs some mobile water."""

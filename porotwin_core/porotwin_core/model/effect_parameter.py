@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.likely_name import did_you_mean
 from porotwin_core.basis.plausibility import LENGTHS
-from porotwin_core.basis.units import MINUTE_S
-from porotwin_core.model.effect_limits import MOST_CLOCK_OFFSET
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
 from porotwin_core.rig import EffectDescription
 
 Values = Mapping[str, Any]
@@ -105,7 +104,7 @@ Without it the effect acts from the start."""
 ONSET = Parameter(
     unit='s',
     low=0.0,
-    high=MOST_CLOCK_OFFSET,
+    high=LONGEST_EXPERIMENT_S,
     default=0.0,
     reading=Reading(1.0 / MINUTE_S, 'min'),
     may_be_fixed=True,

@@ -67,7 +67,7 @@ class Balance(NamedTuple):
     predicted: float
     shown: float
     noise: float
-    unseen: float = 0.0
+    unseen: float
     injected: float = 0.0
     assumed: float = 1.0
     deviation: float = RATE_DEVIATION
@@ -178,7 +178,7 @@ class Volume:
 
     scale: float
     covariance: FloatArray
-    share: float = 1.0
+    share: float
     courses: tuple[TracerCourse, ...] = ()
 
     @property

@@ -9,6 +9,9 @@ from porotwin_core.rig import Rig, Well
 from porotwin_core.rig.sand_interfaces import interfaces
 from porotwin_core.rig.well_colours import well_colours
 
+DOTS_PER_INCH = 120
+"""Resolution of all pictures: figures of 12 inches are sharp on a page of 1080 pixels."""
+
 
 def draw_wells(axis: Axes, rig: Rig, *, dark: bool = False) -> None:
     """Draw the wells of `rig` on `axis` in their colours, with names in white on a `dark` map."""

@@ -45,7 +45,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.heap import share_heap
 from porotwin_core.basis.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
 from porotwin_core.basis.plain_text import show_all_characters
-from porotwin_core.clock.periods import HEARTBEAT_S
+from porotwin_core.clock.periods import END_S, HEARTBEAT_S
 from porotwin_core.clock.photo_interval import (
     LONGEST_PHOTO_INTERVAL_S,
     SHORTEST_PHOTO_INTERVAL_S,
@@ -76,10 +76,6 @@ HEARD_BY = 'heard_by'
 
 ENDED = 'ended'
 """Value in the last diagnostics of a node that leaves because its work is over."""
-
-END_S = 5.0
-"""Longest wait for the end of a thread that spins a node, after its context was shut down [s]. It
-takes milliseconds; a thread that is still in the middleware when the process ends aborts it."""
 
 REPORT_S = 60.0
 """Shortest time between two lines about the same doubt [s]."""
@@ -544,7 +540,7 @@ def end_in_order(executor: Executor, nodes: Iterable[Node], context: Context | N
     rclpy may wait forever if a context ends while another thread waits for its messages, or before
     its nodes.
     """
-    executor.shutdown(END_S)
+    executor.shutdown(END_S)  # a thread that is left in the middleware aborts the process
     for node in nodes:
         node.destroy_node()
     rclpy.try_shutdown(context=context)

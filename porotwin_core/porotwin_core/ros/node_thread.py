@@ -5,7 +5,8 @@ import threading
 from rclpy.node import Node
 from rclpy.task import Future
 
-from porotwin_core.ros.node import END_S, end_in_order, executor_of, kept_awake, until_shutdown
+from porotwin_core.clock.periods import END_S
+from porotwin_core.ros.node import end_in_order, executor_of, kept_awake, until_shutdown
 
 
 class NodeThread:

@@ -18,16 +18,13 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.clock.periods import POLL_S
+from porotwin_core.clock.periods import END_S, POLL_S
 from porotwin_core.ros.senders import LEASE_S, publishers
-
-RELEASE_S = 5.0
-"""Longest wait for the end of a process on this machine that is just being stopped [s]."""
 
 DISCOVERY_S = 1.0
 """Time until nodes on other machines are discovered [s]."""
 
-GHOST_S = LEASE_S + RELEASE_S
+GHOST_S = LEASE_S + END_S
 """Longest time that discovery remembers a killed process [s]."""
 
 PARTICIPANT_DIGITS = 24
@@ -125,7 +122,7 @@ def _locked(full_name: str, domain: int) -> int:
         lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     except OSError as error:
         raise InputError(f'{path}: {error.strerror}; remove it') from None
-    deadline = time.monotonic() + RELEASE_S
+    deadline = time.monotonic() + END_S
     while True:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.clock.periods import last_part_begin
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.model.correction import CorrectionFn
+from porotwin_core.model.held_out_share import held_out_begin
 from porotwin_core.rates.wells import WellRates
 from porotwin_costa.correction.corrective_source import APPLIED
 from porotwin_costa.data.dataset_builder import PredictFn
@@ -93,7 +93,7 @@ class Evaluation:
         found = {}
         for name in dict.fromkeys(frame.experiment for frame in self.frames):
             frames = tuple(frame for frame in self.frames if frame.experiment == name)
-            begin = last_part_begin(frames[0].time - self.time_step, frames[-1].time)
+            begin = held_out_begin(frames[0].time - self.time_step, frames[-1].time)
             late = tuple(frame for frame in frames if frame.time >= begin)
             found[name] = {
                 'one_step': _means(frames, 'predicted', 'corrected'),

@@ -7,10 +7,8 @@ from matplotlib.figure import Figure
 
 from porotwin_core.basis.errors import writing
 from porotwin_core.geometry.grid import Grid, relative_error
+from porotwin_core.rig.rig_on_axes import DOTS_PER_INCH
 from porotwin_costa.evaluation.evaluation import Evaluation, FrameFields
-
-DPI = 120
-"""Resolution of the pictures [dots per inch]."""
 
 SMALLEST_ERROR = 1e-5
 """Lower end of the logarithmic colour scale [-], far below the camera's noise."""
@@ -63,7 +61,7 @@ def _curves(evaluation: Evaluation, path: Path, title: str, plain: str, correcte
     axes[0].legend()
     axes[-1].set_xlabel('time [min]')
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=DOTS_PER_INCH)
     return path
 
 
@@ -95,5 +93,5 @@ def _fields(frame: FrameFields, grid: Grid, path: Path) -> Path:
         relative = 100 * relative_error(field, frame.observed)
         axis.set(title=f'relative error {relative:.2f} %', xlabel='x [m]', ylabel='z [m]')
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=DOTS_PER_INCH)
     return path

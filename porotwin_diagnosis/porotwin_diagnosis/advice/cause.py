@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.effects.definition.effect import Process
 
+MOST_CHANGE = 1.0
+"""Largest relative change of a rate, or glow over stock, that is believed [-]: all of it."""
+
 Amounts = Sequence[float]
 """Fitted factors of the changes of a cause, one for each."""
 

@@ -20,7 +20,7 @@ from scipy.ndimage import gaussian_filter
 
 from porotwin_core.clock.time_units import time_unit
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_diagnosis.advice.cause import Amounts, Cause
+from porotwin_diagnosis.advice.cause import MOST_CHANGE, Amounts, Cause
 from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.data.shared_errors import derivatives
@@ -38,14 +38,9 @@ FIXED_MARK = (
 )
 """How to check the response, the light, the glass and the place of the camera."""
 
-MOST_LIGHT = 0.5
-"""Largest change of the light that is believed [-]."""
-
-MOST_GLOW = 1.0
-"""Largest brightness of a glow relative to stock [-]."""
-
-MOST_CREEP = 0.5
-"""Longest way of a creeping picture relative to the width of the rig."""
+STILL_SEEN = 0.5
+"""Change of the light, or way of the picture over the width of the rig, after which the tracer is
+still seen."""
 
 SWINGS = (0.6, 1.1)
 """Periods of light relative to the duration of the recording."""
@@ -125,7 +120,7 @@ def _light(runs: FreeRuns) -> Iterator[Cause]:
 
 def _moderate(amounts: Amounts) -> bool:
     """Return whether light changes so little that the tracer is still seen."""
-    return math.hypot(*amounts) <= MOST_LIGHT
+    return math.hypot(*amounts) <= STILL_SEEN
 
 
 def _paler(amount: float) -> str:
@@ -146,7 +141,7 @@ def _picture(runs: FreeRuns) -> Iterator[Cause]:
         return f'the picture creeps by {parts} in {unit.text(runs.duration)}'
 
     creeping = np.stack([-right * runs.elapsed, -up * runs.elapsed])
-    most = MOST_CREEP * runs.sample.grid.width
+    most = STILL_SEEN * runs.sample.grid.width
     yield Cause(
         'creeping picture',
         Process.CAMERA,
@@ -250,7 +245,7 @@ def _glows(runs: FreeRuns, radius: float) -> Iterator[Cause]:
             words,
             place,
             freedom,
-            lambda amounts: abs(amounts[0]) <= MOST_GLOW,
+            lambda amounts: abs(amounts[0]) <= MOST_CHANGE,
             REFLECTION,
         )
 

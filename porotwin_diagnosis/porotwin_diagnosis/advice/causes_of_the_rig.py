@@ -8,6 +8,7 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.effect_limits import MOST_FACTOR
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.advice.cause import Amounts, Cause, Place
 from porotwin_diagnosis.advice.free_runs import FreeRuns
@@ -27,9 +28,6 @@ MOST_STEPS = 12.0
 
 LEAST_SORPTION = -0.5
 """Least sorption of pale tracer beyond that of stock [-]: it moves twice as fast then."""
-
-MOST_RATIO = 100.0
-"""Largest ratio of the conductivities across and up that is believed [-]."""
 
 MOST_TRIALS = 6.0
 """Largest strength of a leak or a zone, relative to its trial: 30 % of the strongest pump."""
@@ -200,7 +198,7 @@ def preferred_direction(runs: FreeRuns) -> Iterator[Cause]:
     check = (
         'inject a short pulse from one well alone: round in an even sand, an ellipse in this one'
     )
-    most = 0.5 * np.log(MOST_RATIO)
+    most = 0.5 * np.log(MOST_FACTOR)
     yield Cause(
         'preferred direction',
         Process.TRANSPORT,

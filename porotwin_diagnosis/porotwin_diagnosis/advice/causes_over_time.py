@@ -23,7 +23,7 @@ from porotwin_core.basis.units import GRAVITY
 from porotwin_core.clock.time_units import time_unit
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.advice.cause import Amounts, Cause, Place
+from porotwin_diagnosis.advice.cause import MOST_CHANGE, Amounts, Cause, Place
 from porotwin_diagnosis.advice.free_runs import Adapt, FreeRuns, Window
 from porotwin_diagnosis.model.library import pumping_wells, search_context
 from porotwin_solver.coefficients.physics import Physics
@@ -39,10 +39,6 @@ sixth of a period off at the end."""
 
 RATE_CHANGE = 0.1
 """Relative change of a rate in the runs [-]: it changes the maps more than round-off does."""
-
-MOST_RATE_CHANGE = 1.0
-"""Largest relative change of a rate that is believed [-]: the pump stops, or pumps twice as
-much."""
 
 TABLE_CHANGE = 1.0
 """Tilt of the water table in the runs [Pa]: 0.1 mm of water."""
@@ -153,9 +149,7 @@ def _rates(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
 
         place = (well.x_m, well.z_m)
         check = f'weigh the bottle of {name} each minute during an injection'
-        yield _Force(
-            f'rate {name}', Process.SOURCE, '-', changes, said, place, MOST_RATE_CHANGE, check
-        )
+        yield _Force(f'rate {name}', Process.SOURCE, '-', changes, said, place, MOST_CHANGE, check)
 
 
 def _with_rate(schedule: Schedule, well: str, window: Window) -> Schedule:

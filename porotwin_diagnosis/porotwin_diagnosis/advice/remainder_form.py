@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.advice.cause import Cause, Place
 from porotwin_diagnosis.advice.causes_of_the_camera import causes_of_the_camera
@@ -55,9 +56,6 @@ part of the cause: with less, most of it has another cause."""
 LEAST_GAIN = 0.03
 """Share of the held-out remainder that a further term must close for every value that its search
 chooses: a moved picture with four values always fits a little."""
-
-EARLIER = 0.65
-"""Share of the fitted frames that predicts the others, to rank causes."""
 
 RIDGE = 1e-6
 """Weight of the squared coefficients relative to the mean square of the changes: changes that are
@@ -217,7 +215,7 @@ class Regression:
         ends = np.cumsum([len(cause.changes) for cause in causes])
         rows = [np.arange(end - len(c.changes), end) for c, end in zip(causes, ends, strict=True)]
         fitted, noise = sample.fitted_frames, sample.expected_noise_squares
-        half = max(1, round(EARLIER * fitted))
+        half = max(1, round((1.0 - HELD_OUT_SHARE) * fitted))
 
         def part(frames: slice) -> NormalEquations:
             flat = changes[:, frames].reshape(len(changes), -1)

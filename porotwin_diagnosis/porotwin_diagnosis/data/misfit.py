@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_diagnosis.data.sample import FULL_STOCK, SMOOTHING_WIDTH, TRACER_PRESENT, Sample
+from porotwin_diagnosis.data.noise import TRACER_PRESENT
+from porotwin_diagnosis.data.sample import FULL_STOCK, SMOOTHING_WIDTH, Sample
 
 
 def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:

@@ -24,6 +24,13 @@ from scipy.special import ndtr
 from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import FloatArray
 
+SMOOTHING_WIDTH = 1.5
+"""Width [cells] of the smoothing of maps and residuals: wider than grain and point spread, narrower
+than the front displacements of interest."""
+
+TRACER_PRESENT = 0.03
+"""Smoothed concentration [-] above which a cell holds tracer, well above the background noise."""
+
 CLIPPING_TABLE_SIZE = 2001
 """Number of concentrations in the table of means after clipping. Their distance of 0.0005 is far
 below the noise of any camera, so that linear interpolation is exact enough."""
@@ -47,7 +54,7 @@ class Noise:
     grain: float
     frame: float
     background: float
-    correlation: float = 1.0
+    correlation: float
     point_spread_width: float = 0.0
     random: tuple[float, ...] = ()
     systematic: tuple[float, ...] = ()

@@ -14,7 +14,14 @@ from scipy.optimize import minimize_scalar
 from scipy.special import ndtri
 
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_diagnosis.data.noise import Noise, blurred, normal_density, second_moment
+from porotwin_diagnosis.data.noise import (
+    SMOOTHING_WIDTH,
+    TRACER_PRESENT,
+    Noise,
+    blurred,
+    normal_density,
+    second_moment,
+)
 
 FULL_LEVELS = (0.9, 0.8, 0.7)
 """Levels [-] of the smoothed map above which the plume counts as full. The first one with enough
@@ -26,23 +33,13 @@ FALLBACK_LEVEL = 0.6
 HIGHEST_QUANTILE = 0.995
 """Quantile of the smoothed maps that stands for the highest value; single outliers do not count."""
 
-EMPTY_LEVEL = 0.02
-"""Level [-] of the smoothed map below which a cell holds no tracer."""
-
 FEWEST_VALUES = 200
 """Values that an estimate needs: the relative standard error of a standard deviation from n values
-is 1 / sqrt(2 n), here 5 %."""
-
-FEWEST_CELLS = 400
-"""Cells that an estimate of the grain needs. The grain of a cell is the same in every frame, so
-that frames do not add to the number of values; neighbours are correlated besides."""
+is 1 / sqrt(2 n), here 5 %. The grain needs twice as many cells, since neighbours are correlated."""
 
 MOST_CELLS = 2 / 3
 """Share of the cells at the lowest level of a full plume that is enough, where all are few: paler
 cells would add little, and lie nearer to the front."""
-
-LOCAL_MEAN_WIDTH = 1.5
-"""Width [cells] of the local mean that separates noise from tracer."""
 
 GRAIN_MEAN_WIDTH = 3.0
 """Width [cells] of the local mean for the correlation of the grain; it must exceed the grain."""
@@ -54,24 +51,12 @@ GRAIN_WIDTHS = np.linspace(0.3, 3.0, 271)
 """Widths [cells] that the grain may have, in steps of 0.01."""
 
 CLIPPED = 0.999
-"""Least value [-] of a cell that counts as clipped at 1."""
+"""Least value [-] of a cell that counts as clipped at 1; smaller ones are compared."""
 
-UNCLIPPED = 0.99
-"""Value [-] below which two frames may be compared without an influence of clipping."""
-
-MOST_CLIPPED = 0.9
-"""Largest share of clipped values that is corrected for; beyond it the tail says too little."""
-
-MOST_CLIPPED_NOISE = 0.7
+MOST_CLIPPED = 0.7
 """Largest share of clipped values that noise about stock makes; half of them without an error of
 the scale. Maps from photographs may be clipped to 95 % in the core of the plume. The others are
 then a few odd cells, whose spread says nothing about the noise."""
-
-OUTLIER_DEVIATIONS = 6.0
-"""Changes from frame to frame above this many median changes are moving tracer, not noise."""
-
-LEAST_CHANGE = 0.004
-"""Least median change [-] for this comparison: one step of an 8-bit photograph."""
 
 PLUME_NOISE_GUESS, FRAME_NOISE_GUESS, WIDTH_GUESS = 0.02, 0.01, 1.0
 """Noise in the plume [-], frame noise [-] and width of the grain [cells] that are assumed where a
@@ -95,9 +80,9 @@ def measure_noise(maps: FloatArray) -> Noise:
     noise is zero. The point spread width stays zero (see `measure_point_spread_width`).
     """
     known = np.where(np.isfinite(maps), maps, 0.0)
-    smooth = np.stack([gaussian_filter(frame, LOCAL_MEAN_WIDTH) for frame in known])
+    smooth = np.stack([gaussian_filter(frame, SMOOTHING_WIDTH) for frame in known])
     window = (1, 2 * FRONT_MARGIN + 1, 2 * FRONT_MARGIN + 1)
-    empty = (maximum_filter(smooth, window) < EMPTY_LEVEL) & np.isfinite(maps)
+    empty = (maximum_filter(smooth, window) < TRACER_PRESENT) & np.isfinite(maps)
     full = _full_cells(maps, smooth, minimum_filter(smooth, window))
     enough = np.count_nonzero(empty) > FEWEST_VALUES
     background = _half_normal_deviation(known[empty]) if enough else 0.0
@@ -151,7 +136,7 @@ def _full_cells(maps: FloatArray, smooth: FloatArray, lowest: FloatArray) -> NDA
     levels = (*FULL_LEVELS, FALLBACK_LEVEL * float(np.quantile(smooth, HIGHEST_QUANTILE)))
     *masks, palest = [(lowest > level) & np.isfinite(maps) for level in levels]
     cells = [np.count_nonzero(mask.any(axis=0)) for mask in masks]
-    wanted = min(FEWEST_CELLS, MOST_CELLS * cells[-1])
+    wanted = min(2 * FEWEST_VALUES, MOST_CELLS * cells[-1])
     full = next(mask for mask, count in zip(masks, cells, strict=True) if count >= wanted)
     return full if np.count_nonzero(full) > FEWEST_VALUES else palest
 
@@ -173,11 +158,11 @@ def _deviation_in_plume(
     if not full.any():
         return PLUME_NOISE_GUESS
     values = maps[full]
-    remainder = np.sqrt(float(_covariance_about_mean(0.0, np.array(width), LOCAL_MEAN_WIDTH)))
+    remainder = np.sqrt(float(_covariance_about_mean(0.0, np.array(width), SMOOTHING_WIDTH)))
     deviation = float(np.std(values / smooth[full] - 1.0)) / remainder
     clipped = float(np.mean(values >= CLIPPED))
     found = float(deviation / _censored_deviation(clipped))
-    enough = clipped <= MOST_CLIPPED_NOISE and values.size >= FEWEST_VALUES
+    enough = clipped <= MOST_CLIPPED and values.size >= FEWEST_VALUES
     return found if enough else min(found, PLUME_NOISE_GUESS)
 
 
@@ -209,13 +194,11 @@ def _censored_deviation(share: float) -> float:
 
 def _frame_noise(maps: FloatArray, full: NDArray[np.bool_]) -> float:
     """Return the standard deviation of the frame noise, from differences of successive frames."""
-    both = full[1:] & full[:-1] & (maps[1:] < UNCLIPPED) & (maps[:-1] < UNCLIPPED)
+    both = full[1:] & full[:-1] & (maps[1:] < CLIPPED) & (maps[:-1] < CLIPPED)
     if np.count_nonzero(both) < FEWEST_VALUES:
         return FRAME_NOISE_GUESS
     change = (maps[1:] - maps[:-1])[both]
-    typical = max(float(np.median(np.abs(change))), LEAST_CHANGE)
-    noise = np.abs(change) < OUTLIER_DEVIATIONS * typical
-    return float(np.std(change[noise]) / np.sqrt(2.0))
+    return float(np.std(change) / np.sqrt(2.0))
 
 
 def _grain_width(maps: FloatArray, full: NDArray[np.bool_]) -> float:

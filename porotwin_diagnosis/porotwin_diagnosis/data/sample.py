@@ -4,7 +4,7 @@ The residual between an observed map o and a predicted concentration c is smooth
 its standard deviation:
 
     r = C^(-1/2) S(o - E[o | c]) / sigma,
-    sigma^2 = (damping s)^2 + (FRONT_TOLERANCE |grad S(o)|)^2 + BACKGROUND_TOLERANCE^2.
+    sigma^2 = (damping s)^2 + (FRONT_TOLERANCE |grad S(o)|)^2 + PACKED_STEP^2.
 
 S is a Gaussian of `SMOOTHING_WIDTH` cells. It keeps a displaced front and suppresses grain, point
 spread and numerical smearing, which change sign across a front. E[o | c] is the mean of a noisy map
@@ -26,14 +26,14 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from porotwin_checks.start import Start
 from porotwin_core.basis.errors import InputError
-from porotwin_core.clock.periods import last_part_begin
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.gauge_reading import GaugeReading
+from porotwin_core.model.held_out_share import held_out_begin
 from porotwin_core.model.tracer_share import PLUME_THRESHOLD
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.initial_tracer import start_and_tracer
-from porotwin_diagnosis.data.noise import Noise, blurred
+from porotwin_diagnosis.data.noise import SMOOTHING_WIDTH, TRACER_PRESENT, Noise, blurred
 from porotwin_diagnosis.data.noise_estimation import add_delivered, measure_noise
 from porotwin_diagnosis.data.observed_maps import evenly_spread
 from porotwin_diagnosis.data.shared_errors import (
@@ -47,10 +47,7 @@ from porotwin_diagnosis.data.shared_errors import (
 )
 from porotwin_diagnosis.thresholds import SYSTEMATIC_MISFIT
 from porotwin_recording.experiment.recording import Recording
-
-SMOOTHING_WIDTH = 1.5
-"""Width [cells] of the smoothing of a residual: wider than grain and point spread, narrower than
-the front displacements of interest."""
+from porotwin_recording.tables.concentration import PACKED_STEP
 
 COARSE_SMOOTHING_WIDTH = 4.0
 """Width [cells] of the smoothing in the first steps of a fit, where fronts may lie cells apart."""
@@ -61,16 +58,10 @@ STRIDE = 2
 FRONT_TOLERANCE = 0.12
 """Standard deviation [cells] of the position of a front that any numerical scheme leaves."""
 
-BACKGROUND_TOLERANCE = 0.004
-"""Standard deviation [-] of a smoothed map without tracer: one step of an 8-bit photograph."""
-
 STATED_SHARE = 0.5
 """Share of a delivered random deviation that is expected in smoothed maps. It is the deviation of
 single cells, and smoothing damps changes from cell to cell. On eleven recordings from
 photographs with known truth, the true maps leave 0.17 to 0.65 of it, 0.45 in the mean."""
-
-TRACER_PRESENT = 0.03
-"""Smoothed concentration [-] above which a cell holds tracer, well above the background noise."""
 
 FULL_STOCK = 0.9
 """Smoothed concentration [-] above which a cell holds stock only and cannot show a gap."""
@@ -218,7 +209,7 @@ class Sample:
         smoothed = self._smoothed(width)
         slope = np.hypot(np.gradient(smoothed, axis=1), np.gradient(smoothed, axis=2))
         square = self._noise_deviation(width) ** 2 + (FRONT_TOLERANCE * slope) ** 2
-        square += BACKGROUND_TOLERANCE**2
+        square += PACKED_STEP**2
         half_seen = np.stack([gaussian_filter(frame, width) for frame in self.seen_mask]) > 0.5
         return (half_seen / np.sqrt(square))[:, ::STRIDE, ::STRIDE]
 
@@ -364,7 +355,7 @@ def read_sample(recording: Recording) -> Sample:
     """
     times, maps = recording.times, recording.maps
     assert maps is not None  # `times` says so otherwise
-    held_out = last_part_begin(times[0], times[-1])
+    held_out = held_out_begin(times[0], times[-1])
     before = np.flatnonzero((times < held_out) & (times > times[0]))
     after = np.flatnonzero(times >= held_out)
     if len(times) < FEWEST_FRAMES:

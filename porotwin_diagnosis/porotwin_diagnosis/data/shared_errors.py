@@ -30,10 +30,8 @@ from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
 from porotwin_core.rig.sand_interfaces import MOST_SANDS, sand_level
+from porotwin_diagnosis.data.noise import TRACER_PRESENT
 from porotwin_diagnosis.thresholds import INTERVAL_DEVIATIONS
-
-LEAST_TRACER = 0.02
-"""Concentration [-] above which deviations are read: below, they are those of clean sand."""
 
 MOST_VALUES = 20_000
 """Values from which the sizes of the errors are read; there are only a dozen of them."""
@@ -90,7 +88,7 @@ def measured_errors(
         grid: grid of the maps.
     """
     count = int(sands.max()) + 1
-    known = np.isfinite(maps) & np.isfinite(systematic) & (np.nan_to_num(maps) > LEAST_TRACER)
+    known = np.isfinite(maps) & np.isfinite(systematic) & (np.nan_to_num(maps) > TRACER_PRESENT)
     cells = np.flatnonzero(known)
     if not cells.size:
         return ErrorSizes((0.0,) * count, 0.0, 0.0, 0.0)

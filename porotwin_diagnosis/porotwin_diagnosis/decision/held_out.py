@@ -67,7 +67,7 @@ class HeldOut:
     error_before: float
     error_after: float
     noise_floor: float
-    point_spread_width: float = 0.0
+    point_spread_width: float
     parts: ErrorParts | None = None
     level_known: bool = True
 

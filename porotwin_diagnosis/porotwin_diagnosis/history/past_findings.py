@@ -26,9 +26,6 @@ from porotwin_solver.effects import EFFECTS
 FILE = 'belief.json'
 """File of a folder of findings."""
 
-LARGEST_DEVIATION = 1e100
-"""Largest standard deviation of a value, in its unit; its square must be finite."""
-
 
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -48,7 +45,7 @@ class Value(_Record):
     def _ordered(self) -> Self:
         if self.low > self.high:
             raise ValueError('low is above high')
-        if not self.deviation < LARGEST_DEVIATION:
+        if not math.isfinite(self.deviation * self.deviation):
             raise ValueError('low and high are too far apart')
         return self
 

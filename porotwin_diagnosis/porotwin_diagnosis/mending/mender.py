@@ -40,8 +40,8 @@ class MendSettings:
     `every_s` is the time of the experiment between two diagnoses [s].
     """
 
-    every_s: float = 1200.0
-    least_confidence: float = 0.9
+    every_s: float
+    least_confidence: float
 
 
 class Mender:

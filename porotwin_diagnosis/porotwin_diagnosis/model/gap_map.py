@@ -21,14 +21,12 @@ from scipy.ndimage import gaussian_filter
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.data.error_parts import COARSER
 from porotwin_diagnosis.data.noise_estimation import measure_noise
 from porotwin_diagnosis.data.observed_maps import observed_maps
 from porotwin_diagnosis.data.sample import FEWEST_CELLS
 from porotwin_recording.experiment.recording import Recording
 from porotwin_solver.model.model import Model
-
-COARSENING = 2
-"""Cells of the recording per cell of the gap map, each way: test functions are wider than both."""
 
 TEST_FUNCTION_WIDTH = 2.0
 """Width [cells of the gap map] of the test functions."""
@@ -140,7 +138,7 @@ def _one_step_residuals(
     """Return a coarse grid, the strength of the gap (nz, nx) [1/s] on it, and all steps."""
     grid = recording.grid
     coarse = recording.rig.grid(
-        max(FEWEST_CELLS, grid.nx // COARSENING), max(FEWEST_CELLS, grid.nz // COARSENING)
+        max(FEWEST_CELLS, grid.nx // COARSER), max(FEWEST_CELLS, grid.nz // COARSER)
     )
     model = Model(recording.rig, coarse, preset=preset, effects=effects)
     times, maps, seen = observed_maps(recording, coarse, MOST_STEPS + 1)
@@ -168,7 +166,7 @@ def _one_step_residuals(
 
 
 def _on_grid(strength: FloatArray, grid: Grid) -> FloatArray:
-    fine = np.kron(strength, np.ones((COARSENING, COARSENING)))
+    fine = np.kron(strength, np.ones((COARSER, COARSER)))
     return fine if fine.shape == grid.shape else conservative_resample(strength, grid.shape)
 
 

@@ -7,8 +7,7 @@ from typing import Self
 
 from matplotlib.figure import Figure
 
-RESOLUTION = 130
-"""Dots per inch of the figures: 1560 pixels across a page of 1080, sharp on fine screens too."""
+from porotwin_core.rig.rig_on_axes import DOTS_PER_INCH
 
 PIXELS_PER_INCH = 90
 """Width of a figure on the page [pixels/inch]: 12 inches fill it."""
@@ -35,7 +34,7 @@ class Picture:
     def drawn(cls, figure: Figure, caption: str, kind: str = 'png') -> Self:
         """Return `figure` as a picture of `kind` png or jpeg."""
         buffer = io.BytesIO()
-        figure.savefig(buffer, format=kind, dpi=RESOLUTION)
+        figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH)
         content = base64.b64encode(buffer.getvalue()).decode('ascii')
         width = round(PIXELS_PER_INCH * figure.get_figwidth())
         return cls(f'data:image/{kind};base64,{content}', width, caption)

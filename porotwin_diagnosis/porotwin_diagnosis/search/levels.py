@@ -19,7 +19,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from porotwin_core.basis.parallel import Crew
+from porotwin_core.basis.parallel import AHEAD, Crew
 from porotwin_core.geometry.grid import relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.error_parts import COARSER
@@ -72,12 +72,8 @@ POINT_SPREAD_RANGE = (0.3, 0.9)
 REFINING_ITERATIONS = 3
 """Iterations of a fit on the cells of the recording, which starts close to its optimum."""
 
-REFINING_PROGRESS, JUDGING_PROGRESS, POLISHING_PROGRESS = 0.03, 0.04, 0.02
+STAGE_PROGRESS = 0.03
 """Share of the progress that a stage takes."""
-
-
-THREADS_PER_WORKER = 2
-"""Threads that prepare and compare simulations per worker that simulates, so that none waits."""
 
 Item = TypeVar('Item')
 Made = TypeVar('Made')
@@ -203,7 +199,7 @@ class Levels:
         Fits that are not feasible are left out. `begin` is the progress at the beginning.
         """
 
-        step = steps_of(self.progress, begin, REFINING_PROGRESS, len(fits))
+        step = steps_of(self.progress, begin, STAGE_PROGRESS, len(fits))
 
         def refine(fit: Fit) -> Fit:
             with step(f'refining {fit.label}'):
@@ -225,7 +221,7 @@ class Levels:
         """
         best = close_to_best(refined)[:BEAM]
 
-        step = steps_of(self.progress, begin, JUDGING_PROGRESS, len(best))
+        step = steps_of(self.progress, begin, STAGE_PROGRESS, len(best))
 
         def judge(fit: Fit) -> Fit:
             with step(f'judging {fit.label}'):
@@ -252,7 +248,7 @@ class Levels:
         others = [fit for fit in fits if normalised_misfit(fit) > CORRECTED_MISFIT]
         again = []
         for index, fit in enumerate([*closing, *others]):
-            self.progress(f'polishing {fit.label}', begin + POLISHING_PROGRESS * index / len(fits))
+            self.progress(f'polishing {fit.label}', begin + STAGE_PROGRESS * index / len(fits))
             levels = levels.corrected_at(best if fit in others else fit)
             again.append(polished(levels.judging, fit, levels.refining))
         return Judgement(levels.corrected_at(best), self.ranked(again))
@@ -322,7 +318,7 @@ def make_levels(
         crew: runs the simulations; None: one at a time.
     """
     alone = crew is None or crew.workers == 1
-    pool = None if crew is None or alone else crew.threads(THREADS_PER_WORKER * crew.workers)
+    pool = None if crew is None or alone else crew.threads(AHEAD * crew.workers)
 
     def models(refinement: int, seen: Sequence[Sample], width: float) -> list[Forward]:
         return [

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray
+from porotwin_core.rates.order_delay import LEAST_DELAY_S
 from porotwin_core.rates.rate_periods import SAME_RATE
 from porotwin_core.rates.wells import WellRates
 from porotwin_hub.control.setpoint_limits import Limits
@@ -18,9 +19,6 @@ FIRST_BLOCK_S = 60.0
 GROWTH = 1.3
 """Length of a block over the one before: an hour takes eleven blocks. A far change is seen in time
 without its exact moment, which is found when it comes near."""
-
-SHORTEST_BLOCK_S = 20.0
-"""Shorter blocks are joined with a neighbour [s]."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +56,9 @@ class ControlPlan:
         A change that is due within half a photo interval comes at once.
         """
         moved = self.starts - elapsed
-        first = int(np.searchsorted(moved, SHORTEST_BLOCK_S, side='right')) - 1
+        first = int(np.searchsorted(moved, LEAST_DELAY_S, side='right')) - 1
         later = moved[first + 1 :]
-        later = later[later < horizon - SHORTEST_BLOCK_S]
+        later = later[later < horizon - LEAST_DELAY_S]
         rates = self.rates[first : first + 1 + len(later)]
         return ControlPlan(np.append(0.0, later), rates, horizon)
 
@@ -134,10 +132,10 @@ def growing_blocks(horizon: float, own: Sequence[float] | FloatArray = ()) -> Fl
 
     The moments `own` [s] are among them; others too close to one of these are left out.
     """
-    kept = [0.0, *(float(time) for time in own if SHORTEST_BLOCK_S < time < horizon)]
+    kept = [0.0, *(float(time) for time in own if LEAST_DELAY_S < time < horizon)]
     start, length = 0.0, FIRST_BLOCK_S
     while start + length < horizon - 0.5 * length:
         start, length = start + length, GROWTH * length
-        if min(abs(start - time) for time in kept) > SHORTEST_BLOCK_S:
+        if min(abs(start - time) for time in kept) > LEAST_DELAY_S:
             kept.append(start)
     return np.array(sorted(set(kept)))

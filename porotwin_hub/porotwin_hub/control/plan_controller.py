@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.basis.units import MINUTE_S, from_ml_min
-from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.learnt_physics import LearntPhysics
-from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
+from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates, net_rate, with_rises
 from porotwin_core.rig import Rig
 from porotwin_core.rig.coarse_grid import coarse_grid
@@ -124,11 +123,11 @@ class PlanController:
     model: PlanModel
     cells: tuple[int, int]
     horizon: float
-    interval: float = USUAL_PHOTO_INTERVAL_S
-    end: float | None = None
-    change_cost: float = 0.0
-    patience: float = math.inf
-    pauses: FixedPauses = NO_PAUSES
+    interval: float
+    end: float | None
+    change_cost: float
+    patience: float
+    pauses: FixedPauses
     last: LastPlan = field(default_factory=LastPlan, compare=False)
 
     def decide(

@@ -26,6 +26,7 @@ from porotwin_core.rates.rate_periods import SAME_RATE, RatePeriod, injected_tra
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.estimation.pump_watch import (
     MOST_SHARE,
+    NOTHING,
     WATCH_S,
     WATCH_WINDOW_S,
     Expectations,
@@ -54,9 +55,8 @@ IDLE_SHARE = 0.05
 """Share of the way back to 1 that the factor of a well at rest goes per measurement: a pump may
 have been mended, or a person may have refused an order."""
 
-LEAST_METERED, MOST_METERED = 0.02, 2.0
-"""Range of measured over commanded rate that is believed [-]; a pump that stands counts as the
-least, so that it can be told apart from one that was told to stand."""
+MOST_METERED = 2.0
+"""Largest measured over commanded rate that is believed [-]; the least one is `NOTHING`."""
 
 LEAST_COMMANDED = 20 * SAME_RATE
 """Least commanded rate that is compared with a measured one [m^3/s]."""
@@ -234,7 +234,7 @@ class RateLearner:
 
     def _compare(self, well: str, measured_share: float) -> None:
         """Take a measured over commanded rate into the factor of a `well`."""
-        share = min(max(measured_share, LEAST_METERED), MOST_METERED)
+        share = min(max(measured_share, NOTHING), MOST_METERED)
         change = share - self._metered[well]
         self._metered[well] += change if abs(change) > METER_JUMP else METER_SHARE * change
 

@@ -21,6 +21,7 @@ import yaml
 
 from porotwin_core.basis.parent import PARENT, REFUSAL, WRONG_PARAMETERS
 from porotwin_core.basis.plain_text import plain
+from porotwin_core.clock.periods import END_S
 from porotwin_core.clock.stamps import MACHINE_START_S, STEADY_CLOCK
 from porotwin_hub.launching.graph import NodeDescription
 from porotwin_hub.launching.liveness import RESTART_AFTER_S
@@ -37,9 +38,6 @@ STEADY_S = 60.0
 
 END_PATIENCE_S = 30.0
 """Time for all nodes together to end by themselves [s]: a recorder closes its bag."""
-
-KILL_PATIENCE_S = 5.0
-"""Time for a killed process to disappear [s]; one that waits for a dead disk may never."""
 
 
 TEE_PATIENCE_S = 2.0
@@ -174,7 +172,7 @@ class GraphProcesses:
             self._report(f'{name} did not end within {self._end_patience_s:g} s and is killed')
             kill(process.pid)
             try:
-                process.wait(KILL_PATIENCE_S)
+                process.wait(END_S)
             except subprocess.TimeoutExpired:
                 self._report(f'{name} cannot be killed: process {process.pid} waits for a device')
 

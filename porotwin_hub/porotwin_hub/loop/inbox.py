@@ -18,13 +18,9 @@ from porotwin_core.clock.freshness import IN_TIME, StampJudgement
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rates.rate_periods import KnownRates
 
-REMEMBERED_STATES = 16
-"""States that wait for their refreshed message, and the other way round: half a burst of 30."""
-
-
 WAITING_STATES = 64
-"""States that wait in simulated time, which leaves none out, and interruptions that wait for the
-next state: a burst on their topic."""
+"""States that wait in simulated time, which leaves none out, or for their refreshed message, and
+interruptions that wait for the next state: a burst on their topic."""
 
 REMEMBERED_RATES = 1024
 """Known rates that wait for the next state: a flow meter at 10 Hz, photographs every 100 s."""
@@ -119,7 +115,7 @@ class Inbox(Generic[Envelope]):
         self._judge = judge
         self._clock_tolerance = clock_tolerance
         self._states: dict[int, ArrivedState[Envelope]] = {}
-        self._refreshed: deque[int] = deque(maxlen=REMEMBERED_STATES)
+        self._refreshed: deque[int] = deque(maxlen=WAITING_STATES)
         self._ready: queue.SimpleQueue[ReadyState[Envelope]] = queue.SimpleQueue()
         self._timeline = _Timeline()
         self._lock = threading.Lock()
@@ -183,7 +179,7 @@ class Inbox(Generic[Envelope]):
         for sequence in [number for number in self._refreshed if number in self._states]:
             self._refreshed.remove(sequence)
             self._ready.put(self._judged(self._states.pop(sequence)))
-        for sequence in list(self._states)[:-REMEMBERED_STATES]:
+        for sequence in list(self._states)[:-WAITING_STATES]:
             del self._states[sequence]
 
     def _judged(self, state: ArrivedState[Envelope]) -> ReadyState[Envelope]:

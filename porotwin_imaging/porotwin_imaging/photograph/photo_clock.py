@@ -21,8 +21,8 @@ from itertools import pairwise
 from statistics import median
 from typing import Literal
 
-from porotwin_core.clock.freshness import STAMP_RESOLUTION_S
 from porotwin_core.clock.photo_interval import LONGEST_GAP_S
+from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.clock.time_units import DAYS
 
 Trust = Literal['exif', 'file', 'arrival']
@@ -234,7 +234,7 @@ def _stamp(
         reason = f"photograph '{evidence.name}' left out: it is {older}"
         return Stamp(None, (*lines, reason)), memory
     if memory.last is not None:
-        time = max(time, memory.last + STAMP_RESOLUTION_S)
+        time = max(time, memory.last + 2.0 * SAME_STAMP_S)
     return Stamp(time, lines), replace(memory, last=time)
 
 

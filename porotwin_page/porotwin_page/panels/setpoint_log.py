@@ -4,9 +4,6 @@ from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.json_values import Json, finite, rates_ml_h
 from porotwin_page.panel import Moment, Region, ScriptPanel
 
-LINES_SHOWN = 60
-"""Newest lines on the page."""
-
 
 def log_view(snapshot: GraphSnapshot, _: Moment) -> list[Json]:
     """Return the newest lines first: clock time, event, number of the setpoint, rates in ml/h."""
@@ -17,7 +14,7 @@ def log_view(snapshot: GraphSnapshot, _: Moment) -> list[Json]:
             'sequence': line.sequence,
             'rates_ml_h': rates_ml_h(line.rates),
         }
-        for line in reversed(snapshot.log[-LINES_SHOWN:])
+        for line in reversed(snapshot.log)
     ]
 
 

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import MOST_DARCY_FLUX
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -17,14 +17,7 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='background_flow',
     order=130,
-    parameters={
-        'x_velocity': Parameter(
-            unit='m/s', low=-MOST_DARCY_FLUX, high=MOST_DARCY_FLUX, default=0.0
-        ),
-        'z_velocity': Parameter(
-            unit='m/s', low=-MOST_DARCY_FLUX, high=MOST_DARCY_FLUX, default=0.0
-        ),
-    },
+    parameters=PARAMETERS['background_flow'],
     on_rig=change,
     is_repeatable=True,
 )

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import MOST_CLOCK_OFFSET
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -16,9 +16,7 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='clock',
     order=170,
-    parameters={
-        'offset': Parameter(unit='s', low=-MOST_CLOCK_OFFSET, high=MOST_CLOCK_OFFSET),
-    },
+    parameters=PARAMETERS['clock'],
     on_rig=change,
     needs_recording=True,
     is_repeatable=True,

@@ -3,8 +3,8 @@
 depth = nominal * (1 + (factor_centre - 1) (1 - ((x - W/2) / (W/2))^2)), a parabola in x.
 """
 
-from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 from porotwin_rig.true_rig import TrueRig
 
@@ -22,9 +22,7 @@ def bulge(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='depth',
     order=90,
-    parameters={
-        'factor_centre': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0)
-    },
+    parameters=PARAMETERS['depth'],
     on_rig=bulge,
     is_repeatable=True,
 )

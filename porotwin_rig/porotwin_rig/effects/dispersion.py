@@ -2,9 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.basis.units import MOLECULAR_DIFFUSION
-from porotwin_core.model.effect_limits import MOST_DIFFUSION, MOST_DISPERSIVITY
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -22,16 +21,7 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='dispersion',
     order=10,
-    parameters={
-        'longitudinal_dispersivity': Parameter(unit='m', low=0.0, high=MOST_DISPERSIVITY),
-        'transverse_dispersivity': Parameter(unit='m', low=0.0, high=MOST_DISPERSIVITY),
-        'diffusion': Parameter(
-            unit='m2/s',
-            low=0.0,
-            high=MOST_DIFFUSION,
-            default=MOLECULAR_DIFFUSION,
-        ),
-    },
+    parameters=PARAMETERS['dispersion'],
     on_rig=change,
     longest_step=7.5,
 )

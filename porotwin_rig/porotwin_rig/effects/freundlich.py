@@ -4,14 +4,12 @@ import numba
 import numpy as np
 from numpy.random import Generator
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 from porotwin_rig.tracer import Tracer
 from porotwin_rig.true_rig import TrueRig
-
-LEAST_TOTAL = 1e-12
-"""Concentrations below are zero: their logarithm would be too small for Newton's method."""
 
 MOST_ITERATIONS = 50
 """Newton's method takes about six."""
@@ -28,7 +26,7 @@ def dissolved_in_equilibrium(total: FloatArray, capacity: float, exponent: float
     dissolved = np.zeros_like(total)
     flat, result = total.ravel(), dissolved.ravel()
     for n in range(flat.size):
-        if flat[n] < LEAST_TOTAL:
+        if flat[n] < SMALLEST_DIVISOR:
             continue
         u = np.log(flat[n])
         for _ in range(MOST_ITERATIONS):

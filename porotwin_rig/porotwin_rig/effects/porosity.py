@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -16,9 +16,7 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='porosity',
     order=80,
-    parameters={
-        'factor': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0),
-    },
+    parameters=PARAMETERS['porosity'],
     on_rig=change,
     is_repeatable=True,
 )

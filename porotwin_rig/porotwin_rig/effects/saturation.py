@@ -3,8 +3,8 @@
 import numpy as np
 
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 
@@ -16,7 +16,7 @@ def bend(signal: FloatArray, _grid: Grid, _time: float, values: Values) -> Float
 EFFECT = AssetEffect(
     name='saturation',
     order=140,
-    parameters={'exponent': Parameter(unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0)},
+    parameters=PARAMETERS['saturation'],
     on_signal=bend,
     is_repeatable=True,
 )

@@ -5,7 +5,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.model.effect_limits import MOST_SETTLING_VELOCITY
+from porotwin_core.model.effect_limits import MOST_VELOCITY
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -24,7 +24,7 @@ def draw(generator: Generator, context: DrawContext) -> DrawnValues:
 EFFECT = AssetEffect(
     name='settling',
     order=270,
-    parameters={'velocity': Parameter(unit='m/s', low=0.0, high=MOST_SETTLING_VELOCITY)},
+    parameters={'velocity': Parameter(unit='m/s', low=0.0, high=MOST_VELOCITY)},
     on_rig=sink,
     longest_step=30.0,
     blind_draw=draw,

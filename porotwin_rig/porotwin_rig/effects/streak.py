@@ -11,7 +11,7 @@ from porotwin_core.model.blind_draw import (
     log_uniform,
     place_near_injector,
 )
-from porotwin_core.model.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
+from porotwin_core.model.effect_limits import MOST_PERMEABILITY_FACTOR
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -55,7 +55,7 @@ EFFECT = AssetEffect(
         'width': Parameter(unit='m', low=0.0, default=0.006),
         'permeability_factor': Parameter(
             unit='-',
-            low=LEAST_PERMEABILITY_FACTOR,
+            low=1.0 / MOST_PERMEABILITY_FACTOR,
             high=MOST_PERMEABILITY_FACTOR,
             neutral=1.0,
         ),

@@ -5,7 +5,7 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.model.effect_limits import MOST_WATER_LEVEL
+from porotwin_core.model.effect_limits import MOST_DISTANCE
 from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -28,7 +28,7 @@ EFFECT = AssetEffect(
     name='water_table',
     order=250,
     parameters={
-        'amplitude': Parameter(unit='m', low=-MOST_WATER_LEVEL, high=MOST_WATER_LEVEL),
+        'amplitude': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE),
         'period': Parameter(unit='s', above=0.0, default=1800.0),
     },
     shape=('period',),

@@ -7,12 +7,9 @@ from functools import lru_cache
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from porotwin_core.basis.floors import SMALLEST_DIVISOR
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_solver.coefficients.refinement import coarsen, coarsen_adjoint
-
-LEAST_CONCENTRATION = 1e-12
-"""Concentration [-] that replaces smaller ones in the derivative of c ** exponent, infinite at 0
-for exponents below 1."""
 
 SAMPLINGS_KEPT = 8
 """Interpolation matrices kept, 100 B per cell each: one per camera effect under study."""
@@ -74,7 +71,7 @@ class ObservationOperator:
             lit = np.maximum(seen, 0.0) ** self.exponent * light
             bar = np.where((lit > 0.0) & (lit < 1.0), bar * light, 0.0)
         if self.exponent != 1.0:
-            power = np.maximum(seen, LEAST_CONCENTRATION) ** (self.exponent - 1.0)
+            power = np.maximum(seen, SMALLEST_DIVISOR) ** (self.exponent - 1.0)
             bar = bar * np.where(seen > 0.0, self.exponent * power, 0.0)
         fine = coarsen_adjoint(bar, concentration.shape)
         if not self.moves:

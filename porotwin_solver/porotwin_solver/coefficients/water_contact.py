@@ -19,9 +19,6 @@ from porotwin_core.geometry.polygons import inside
 from porotwin_core.rig import SideName, WaterBody
 from porotwin_solver.coefficients.face_field import FaceField
 
-KEPT = 64
-"""Contacts that are kept: one for each grid and set of water levels."""
-
 
 class Outline(NamedTuple):
     """One number per outer face: `left` and `right` (nz,), `bottom` and `top` (nx,)."""
@@ -139,7 +136,7 @@ def contact_of(
     return _contact(grid, tuple(bodies.values()), blocks, seeps)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache
 def _contact(grid: Grid, bodies: tuple[WaterBody, ...], blocks: int, seeps: bool) -> WaterContact:
     if blocks > 1:
         coarse = Grid(grid.nx // blocks, grid.nz // blocks, grid.width, grid.height)

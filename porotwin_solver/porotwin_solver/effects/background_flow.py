@@ -8,8 +8,9 @@ from numpy.random import Generator
 
 from porotwin_core.basis.units import HOUR_S
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.model.effect_limits import MOST_DARCY_FLUX
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import MOST_VELOCITY
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -46,7 +47,7 @@ def believed(rig: Rig) -> Sequence[Candidate]:
 
 
 def _in_steps(step: float) -> Candidate:
-    most = MOST_DARCY_FLUX
+    most = MOST_VELOCITY
     names = ('x_velocity', 'z_velocity')
     parameters = (FitParameter(name, 'm/s', 0.0, step, -most, most) for name in names)
     return Candidate('background_flow', tuple(parameters))
@@ -74,14 +75,7 @@ EFFECT = Effect(
     name='background_flow',
     order=130,
     scope=Scope.RIG,
-    parameters={
-        'x_velocity': Parameter(
-            unit='m/s', low=-MOST_DARCY_FLUX, high=MOST_DARCY_FLUX, default=0.0, vector='velocity'
-        ),
-        'z_velocity': Parameter(
-            unit='m/s', low=-MOST_DARCY_FLUX, high=MOST_DARCY_FLUX, default=0.0, vector='velocity'
-        ),
-    },
+    parameters=PARAMETERS['background_flow'],
     on_physics=drift,
     candidates=candidates,
     phrase=phrase,

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 from porotwin_core.basis.units import ML
 from porotwin_core.model.effect_limits import MOST_TUBE_ML
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -42,10 +43,7 @@ EFFECT = Effect(
     name='dead_volume',
     order=106,
     scope=Scope.WELL,
-    parameters={
-        'well': Parameter(unit='name', is_name=True, is_scored=False),
-        'volume': Parameter(unit='ml', low=0.0, high=MOST_TUBE_ML),
-    },
+    parameters=PARAMETERS['dead_volume'],
     on_physics=fill,
     candidates=candidates,
     phrase=phrase,

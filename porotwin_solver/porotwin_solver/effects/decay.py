@@ -7,8 +7,9 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.model.effect_limits import MOST_REACTION_RATE
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import MOST_CHANGE
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -24,7 +25,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit the rate in steps that lose 3 % of the tracer within the recording."""
     duration = context.duration
     parameter = FitParameter(
-        'rate', '1/s', 0.0, 0.03 / duration, 0.0, min(20.0 / duration, MOST_REACTION_RATE)
+        'rate', '1/s', 0.0, 0.03 / duration, 0.0, min(20.0 / duration, MOST_CHANGE)
     )
     return [Candidate('decay', (parameter,))]
 
@@ -49,7 +50,7 @@ EFFECT = Effect(
     name='decay',
     order=50,
     scope=Scope.RIG,
-    parameters={'rate': Parameter(unit='1/s', low=0.0, high=MOST_REACTION_RATE)},
+    parameters=PARAMETERS['decay'],
     on_physics=fade,
     candidates=candidates,
     phrase=phrase,

@@ -9,8 +9,9 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.model.effect_limits import MOST_REACTION_RATE
-from porotwin_core.model.effect_parameter import Parameter, Reading, Values
+from porotwin_core.model.effect_limits import MOST_CHANGE
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -25,9 +26,6 @@ MOST_EXCHANGE = 30.0
 """Largest exchange rate [-] times the duration of a recording that a search tries. Faster exchange
 spreads a front as dispersion does, and no recording tells them apart. With a rate of 1/s the steps
 of the model alone decided, and a left-out dispersion was called immobile water with 0.98."""
-
-MOST_IMMOBILE = 0.95
-"""Largest immobile fraction: the flow needs some mobile water."""
 
 
 def divide(physics: Physics, values: Values) -> Physics:
@@ -49,7 +47,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
         1.0 / duration,
         0.5,
         LEAST_EXCHANGE / duration,
-        min(MOST_EXCHANGE / duration, MOST_REACTION_RATE),
+        min(MOST_EXCHANGE / duration, MOST_CHANGE),
         log=True,
     )
     return [Candidate('dual_porosity', (immobile, exchange), starts=((0.0, 0.0), (0.0, 3.0)))]
@@ -75,14 +73,7 @@ EFFECT = Effect(
     name='dual_porosity',
     order=60,
     scope=Scope.RIG,
-    parameters={
-        'immobile_fraction': Parameter(
-            unit='-', low=0.0, high=MOST_IMMOBILE, reading=Reading(100.0, '%')
-        ),
-        'exchange_rate': Parameter(
-            unit='1/s', low=0.0, high=MOST_REACTION_RATE, reading=Reading(3600.0, 'per hour')
-        ),
-    },
+    parameters=PARAMETERS['dual_porosity'],
     on_physics=divide,
     candidates=candidates,
     phrase=phrase,

@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from porotwin_core.model.effect_limits import LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import MOST_PERMEABILITY_FACTOR
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -48,7 +49,7 @@ def believed(rig: Rig) -> Sequence[Candidate]:
     heads = [body.head_m for body in rig.water_bodies.values() if body.head_m is not None]
     level = LEVEL_DEVIATION_M / (max(heads) - min(heads) or rig.height_m)
     deviation = float(np.hypot(CONDUCTIVITY_DEVIATION, level))
-    least, most = LEAST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
+    least, most = 1.0 / MOST_PERMEABILITY_FACTOR, MOST_PERMEABILITY_FACTOR
     return [
         Candidate(
             'permeability', (FitParameter('factor', '-', 1.0, deviation, least, most, log=True),)
@@ -68,15 +69,7 @@ EFFECT = Effect(
     name='permeability',
     order=75,
     scope=Scope.RIG,
-    parameters={
-        'factor': Parameter(
-            unit='-',
-            low=LEAST_PERMEABILITY_FACTOR,
-            high=MOST_PERMEABILITY_FACTOR,
-            neutral=1.0,
-            is_logarithmic=True,
-        )
-    },
+    parameters=PARAMETERS['permeability'],
     on_physics=change,
     candidates=candidates,
     believed=believed,

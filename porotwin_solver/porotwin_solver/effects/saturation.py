@@ -6,8 +6,8 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.model.effect_limits import LEAST_FACTOR, MOST_FACTOR
-from porotwin_core.model.effect_parameter import Parameter, Reading, Values
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -40,11 +40,7 @@ EFFECT = Effect(
     name='saturation',
     order=140,
     scope=Scope.CAMERA,
-    parameters={
-        'exponent': Parameter(
-            unit='-', low=LEAST_FACTOR, high=MOST_FACTOR, neutral=1.0, reading=Reading(1.0, '')
-        ),
-    },
+    parameters=PARAMETERS['saturation'],
     on_observation=bend,
     candidates=candidates,
     phrase=phrase,

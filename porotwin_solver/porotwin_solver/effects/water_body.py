@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.model.effect_limits import MOST_FACTOR, MOST_WATER_LEVEL
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_FACTOR
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Effect, Process, Scope
@@ -30,7 +31,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit every level but the last one, because only differences count, and every rate."""
     rig, found = context.rig, []
     levels = [name for name, body in rig.water_bodies.items() if body.head_m is not None]
-    limit = min(rig.height_m, MOST_WATER_LEVEL)
+    limit = min(rig.height_m, MOST_DISTANCE)
     for name, body in rig.water.items():
         if body.rate_ml_h:
             fitted = FitParameter('factor', '-', 1.0, 0.05, 0.0, MOST_FACTOR)
@@ -54,11 +55,7 @@ EFFECT = Effect(
     name='water_body',
     order=136,
     scope=Scope.RIG,
-    parameters={
-        'body': Parameter(unit='name', is_name=True, is_scored=False),
-        'rise': Parameter(unit='m', low=-MOST_WATER_LEVEL, high=MOST_WATER_LEVEL, default=0.0),
-        'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, default=1.0, neutral=1.0),
-    },
+    parameters=PARAMETERS['water_body'],
     on_physics=change,
     candidates=candidates,
     phrase=phrase,

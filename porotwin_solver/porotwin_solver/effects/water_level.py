@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from porotwin_core.basis.units import conductivity_of
-from porotwin_core.model.effect_limits import MOST_WATER_LEVEL
-from porotwin_core.model.effect_parameter import Parameter, Values
+from porotwin_core.model.effect_limits import MOST_DISTANCE
+from porotwin_core.model.effect_parameter import Values
+from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_core.rig import SIDES, Rig, SideName
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -58,7 +59,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
     rig = context.rig
     others = any(body.head_m is not None for body in rig.water.values())
     fitted = rig.boundaries.open_sides[: None if others else -1]
-    limit = min(context.rig.height_m, MOST_WATER_LEVEL)
+    limit = min(context.rig.height_m, MOST_DISTANCE)
     rises = (
         FitParameter(side, 'm', 0.0, level_step(context, side), -limit, limit) for side in fitted
     )
@@ -92,16 +93,7 @@ EFFECT = Effect(
     name='water_level',
     order=135,
     scope=Scope.RIG,
-    parameters={
-        side: Parameter(
-            unit='m',
-            low=-MOST_WATER_LEVEL,
-            high=MOST_WATER_LEVEL,
-            default=0.0,
-            vector='rise',
-        )
-        for side in SIDES
-    },
+    parameters=PARAMETERS['water_level'],
     on_physics=raise_water,
     candidates=candidates,
     phrase=phrase,

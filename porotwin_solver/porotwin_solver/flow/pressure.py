@@ -25,7 +25,7 @@ LARGEST_FACTOR = 200_000
 TOLERANCE = 1e-8
 """Relative residual of the iteration. `flow.Flow.flux` solves twice and so reaches round-off."""
 
-MAX_ITERATIONS = 500
+MAX_ITERATIONS = 1000
 """Fifteen iterations are usual, more where the permeability of neighbours differs by decades."""
 
 WORTHWHILE_ITERATIONS = 40

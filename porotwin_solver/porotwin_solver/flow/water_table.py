@@ -23,17 +23,13 @@ from porotwin_solver.coefficients.face_field import FaceField
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.coefficients.water_contact import Outline, WaterContact, outer_flux
 from porotwin_solver.flow.background_flux import driven_by_water
-from porotwin_solver.flow.flow import SHARED_FLOWS, transmissibilities
+from porotwin_solver.flow.flow import MOST_STRAY, SHARED_FLOWS, transmissibilities
 
 LEAST_WET = 1e-6
 """Share of a cell that carries water sideways above the surface [-]: so no cell is cut off."""
 
 MOST_STEPS = 200
 """Steps of Newton's method; ten to forty are usual."""
-
-LEFT_OVER = 1e-11
-"""Largest imbalance of a cell, relative to the flow between two cells that differ by one cell's
-height in head [-]: the surface is then right to round-off."""
 
 
 class TableFlow:
@@ -189,7 +185,7 @@ class TableFlow:
         """
         p = np.full(self._grid.shape, self._weight * self._contact.highest)
         p = self._contact.where_canal(p, self._weight * self._contact.canal_head)
-        wanted = LEFT_OVER * float(self._trans.x.max()) * self._weight * self._grid.dz
+        wanted = MOST_STRAY * float(self._trans.x.max()) * self._weight * self._grid.dz
         left = self._excess(p)
         for _ in range(MOST_STEPS):
             if np.abs(left).max() <= wanted:

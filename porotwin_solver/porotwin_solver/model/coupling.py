@@ -22,15 +22,17 @@ from porotwin_solver.flow.flow import (
     transmissibilities_adjoint,
 )
 from porotwin_solver.flow.multigrid import GridLevel, Multigrid, conjugate_gradients
-from porotwin_solver.flow.pressure import COARSEST_CELLS, factorised
+from porotwin_solver.flow.pressure import (
+    COARSEST_CELLS,
+    MAX_ITERATIONS,
+    WORTHWHILE_ITERATIONS,
+    factorised,
+)
 from porotwin_solver.transport.sources_and_sinks import SourcesAndSinks
 
 TOLERANCE = 1e-7
 """Relative residual of the pressure; the flow of pure water absorbs the rest (`Coupling.flux`).
 Maps differ by less than 1e-6 from those with 1e-11; any scheme errs a thousand times as much."""
-
-MAX_ITERATIONS = 1000
-"""Enough for viscosity ratios from 1 / 1000 to 1000."""
 
 LARGEST_PRECONDITIONED = 30_000
 """Cells above which multigrid for the varying viscosity is faster than conjugate gradients with the
@@ -40,9 +42,6 @@ factor of pure water: 16 instead of 28 ms on 42 000 cells at a ratio of 0.5, 8 i
 STRONG_RATIO, LARGEST_STRONG = 5.0, 2_000
 """Smallest ratio of the viscosities, or its inverse, at which multigrid is faster on grids of more
 than `LARGEST_STRONG` cells: 8 instead of 16 ms at a ratio of 0.15 on 21 000 cells."""
-
-WORTHWHILE_CYCLES = 60
-"""Most iterations of multigrid before the other method is tried; fifteen are usual."""
 
 
 class PureWater(NamedTuple):
@@ -198,7 +197,7 @@ class Coupling:
         """Return the pressure; None where cells are long or the sand differs too much."""
         level = GridLevel.of(trans, pin=self._water.pin, canal=self._water.canal)
         cycles = Multigrid(level, factorised, largest_factor=COARSEST_CELLS)
-        most = min(WORTHWHILE_CYCLES, self._max_iterations)
+        most = min(WORTHWHILE_ITERATIONS, self._max_iterations)
         return cycles.solve(source, begin=begin, tolerance=TOLERANCE, most_iterations=most)
 
     def _by_water(

@@ -16,15 +16,13 @@ from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
+from porotwin_core.rig.coarse_grid import COARSE_CELLS
 from porotwin_solver.coefficients.physics import nominal_physics
 from porotwin_solver.flow.pressure import LARGEST_FACTOR
 from porotwin_solver.model.engine import LONGEST_STEP, Engine, State
 from porotwin_solver.model.presets import preset_named
 from porotwin_solver.transport.scheme import Scheme
 from porotwin_solver.transport.transport import CFL_LIMIT
-
-COARSE_CELLS = 2_000
-"""Cells of the coarse grid for the flow of an estimate."""
 
 TRIAL_CELLS = 10_000
 """Cells of the grid for timing this machine."""

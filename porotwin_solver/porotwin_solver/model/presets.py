@@ -17,9 +17,6 @@ from porotwin_solver.transport.scheme import Scheme
 MAX_REFINED_CELLS = 200_000
 """Most cells of a refined grid: seconds for an experiment of an hour."""
 
-SHARP_CELLS = 400_000
-"""The same for the preset `sharp`: at most twice the time of `accurate`."""
-
 
 IMPLICIT = 'implicit'
 """Preset with the single steps of `implicit_model`; free runs of plans are `upwind`."""
@@ -53,7 +50,7 @@ PRESETS: dict[str, Preset] = {
     for preset in (
         Preset('fast', Scheme.SUPERBEE),
         Preset('accurate', Scheme.THIRD_ORDER, (1, 2, 4)),
-        Preset('sharp', Scheme.COMPRESSIVE, (1, 2, 3), SHARP_CELLS),
+        Preset('sharp', Scheme.COMPRESSIVE, (1, 2, 3), 2 * MAX_REFINED_CELLS),
         Preset('upwind', Scheme.UPWIND),
         Preset(IMPLICIT, Scheme.UPWIND),
     )

@@ -44,9 +44,6 @@ from porotwin_solver.transport.local_time_steps import (
 EXCHANGE_LIMIT = 0.5
 """Largest fraction of its storage [-] that a cell exchanges in one substep; monotone up to 1."""
 
-LEAST_SPEED = 1e-300
-"""Speed [m/s] that replaces zero, so that the direction v / |v| of still water is finite."""
-
 
 class DispersionTensor(NamedTuple):
     """The symmetric tensor D of every cell; `xx`, `xz` and `zz` are (nz, nx) [m^2/s] each."""
@@ -135,7 +132,11 @@ def _pore_velocity(physics: Physics, flux: FaceField) -> tuple[FloatArray, Float
     pores = physics.mobile_water / grid.cell_area
     vx = 0.5 * (flux.x[:, :-1] + flux.x[:, 1:]) / (grid.dz * pores)
     vz = 0.5 * (flux.z[:-1] + flux.z[1:]) / (grid.dx * pores)
-    return vx, vz, np.maximum(np.hypot(vx, vz), LEAST_SPEED)
+    return (
+        vx,
+        vz,
+        np.maximum(np.hypot(vx, vz), np.finfo(float).tiny),
+    )  # the direction of still water is finite
 
 
 def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> Exchanges:
