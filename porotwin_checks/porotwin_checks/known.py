@@ -86,7 +86,7 @@ class Known:
         control = self.rig.control
         if control is not None and not (self.has('times') or self.photos):
             times.append(MINUTE_S * (control.end_min or 0.0))
-        return max(*times, *(photo.time for photo in self.photos))
+        return max([*times, *(photo.time for photo in self.photos)])
 
     @property
     def grid(self) -> Grid:
