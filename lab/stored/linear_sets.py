@@ -27,7 +27,7 @@ from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STRIDE, Sample, at_c
 from porotwin_diagnosis.data.shared_errors import error_modes, sands_of
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.fitter import Fitter
-from porotwin_diagnosis.search.effect_sets import correlated_cells, prior_deviation
+from porotwin_diagnosis.search.effect_sets import correlated_cells
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_diagnosis.search.ranking import effect_and_well
@@ -225,7 +225,7 @@ def prior_deviations(fit: Fit) -> FloatArray:
         [
             (one.range[1] - one.range[0]) / np.sqrt(12.0)
             if one.name in ('x', 'z')
-            else prior_deviation(one)
+            else one.prior_deviation
             for one in parameters
         ],
         dtype=float,

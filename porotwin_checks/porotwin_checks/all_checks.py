@@ -12,10 +12,15 @@ CHECKS: dict[str, Check[Known]] = discovered(
 )
 """All checks by the names of their modules, in alphabetical order."""
 
-OF_TABLES = {
-    name: check for name, check in CHECKS.items() if {'maps', 'scaled_maps'}.isdisjoint(check.needs)
+OF_RIG = {name: check for name, check in CHECKS.items() if 'rig' in check.needs}
+"""The checks of a rig that is about to run: whoever starts a twin or imports a run asks them."""
+
+OF_MAPS = {
+    name: check
+    for name, check in CHECKS.items()
+    if not {'maps', 'scaled_maps'}.isdisjoint(check.needs)
 }
-OF_MAPS = {name: check for name, check in CHECKS.items() if name not in OF_TABLES}
+OF_TABLES = {name: check for name, check in CHECKS.items() if name not in OF_MAPS | OF_RIG}
 """The checks that read the values of maps, and the others: whoever opens a recording asks these."""
 
 

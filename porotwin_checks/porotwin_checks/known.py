@@ -68,6 +68,8 @@ class Known:
     def has(self, name: str) -> bool:
         """Return whether the attribute `name` is known, and not empty."""
         value = getattr(self, name)
+        if isinstance(value, Rig):
+            return True
         if isinstance(value, Schedule):
             return bool(value.rows)
         return value is not None and len(self.times if name.endswith('maps') else value) > 0
@@ -84,7 +86,7 @@ class Known:
         control = self.rig.control
         if control is not None and not (self.has('times') or self.photos):
             times.append(MINUTE_S * (control.end_min or 0.0))
-        return max(*times, *(photo.time for photo in self.photos))
+        return max([*times, *(photo.time for photo in self.photos)])
 
     @property
     def grid(self) -> Grid:

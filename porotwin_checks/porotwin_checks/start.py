@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from porotwin_checks.known import MOST_MAPS, Known, Maps, stock_in_map
 from porotwin_checks.tracer_errors import SCALE
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.model.held_out_share import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import held_out_begin
 from porotwin_core.model.tracer_share import FILLED_SHARE, PLUME_THRESHOLD, tracer_share
 from porotwin_core.rates.wells import Schedule
 from porotwin_solver.effects import tracer_storage
@@ -115,7 +115,7 @@ def _compared_courses(known: Known, maps: Maps, rates: Schedule) -> _Courses | N
     """
     times, rig = np.array(known.times), known.rig
     duration = times[-1] - times[0]
-    early = np.flatnonzero(times <= times[0] + (1.0 - HELD_OUT_SHARE) * duration)
+    early = np.flatnonzero(times <= held_out_begin(times[0], times[-1]))
     chosen = early[np.linspace(0, len(early) - 1, min(len(early), MOST_MAPS)).round().astype(int)]
     seen = np.array([stock_in_map(maps[int(index)], rig) for index in chosen])
     held = stock_in_map(maps[0], rig)

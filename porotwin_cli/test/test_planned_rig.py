@@ -68,6 +68,22 @@ def test_a_plan_that_pumps_in_a_pause_of_the_rig_is_told(
     assert 'injector pumps from 25 to 30 min' in told
 
 
+def test_what_check_finds_odd_in_a_run_is_told_by_up_and_demo(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Only `check` told an empty bottle, an effect that begins too late, and one of the camera."""
+    text = (folder / 'rig.yaml').read_text()
+    light = '{name: illumination, parameters: {drift: -1.0e-5, since: 1.0e6}}'
+    few = text.replace('control:\n', 'control:\n  stock_ml: 10\n  end_min: 60\n')
+    (folder / 'rig.yaml').write_text(f'{few}\neffects: [{light}]\n')
+    planned_rig(folder)
+    told = {str(remark) for remark in check(folder).remarks}
+    assert set(caplog.messages) == told
+    assert {one.code for one in check(folder).remarks} == {
+        'empty_bottle', 'late_effect', 'camera_effect',
+    }  # fmt: skip
+
+
 def test_a_check_tells_the_plan_that_up_follows_or_refuses(folder: Path) -> None:
     (folder / 'rates.csv').write_text(RESTS)
     checked = check(folder / 'rig.yaml')

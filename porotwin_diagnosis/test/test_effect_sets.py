@@ -17,7 +17,6 @@ from porotwin_diagnosis.search.effect_sets import (
     each_left_out,
     linear_sets,
     may_act,
-    prior_deviation,
 )
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.single_effects import SearchSpace
@@ -75,7 +74,7 @@ def test_where_nothing_is_left_no_set_is_looked_for(levels, cells):
 def test_a_prior_does_not_depend_on_the_unit_of_a_parameter():
     in_metres = FitParameter('radius', 'm', 0.0, 0.01, -0.03, 0.03)
     in_millimetres = FitParameter('radius', 'mm', 0.0, 10.0, -30.0, 30.0)
-    assert prior_deviation(in_metres) == pytest.approx(prior_deviation(in_millimetres))
+    assert in_metres.prior_deviation == pytest.approx(in_millimetres.prior_deviation)
 
 
 def test_the_pair_with_the_true_effect_comes_first(levels):

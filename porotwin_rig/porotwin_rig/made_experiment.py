@@ -12,7 +12,7 @@ from porotwin_core import PROGRAM
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.model.held_out_share import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import held_out_begin
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import EffectDescription, Rig
@@ -173,7 +173,7 @@ def make_experiment(
             if photographer is not None and number > 0:
                 jpeg = photographer.photograph(visible, time=time)
                 photos.append(_stored(folder, 'state', time, jpeg))
-            if time >= (1.0 - HELD_OUT_SHARE) * duration:
+            if time >= held_out_begin(0.0, duration):
                 floor.add(seen, signal)
     if photos:
         write_photos(folder, photos)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
+from porotwin_checks.all_checks import OF_MAPS, OF_RIG, OF_TABLES
 from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_checks.checks.injected_volume import injected
 from porotwin_checks.known import Known
@@ -28,7 +29,6 @@ from porotwin_core.basis.units import DARCY, MINUTE_S, ML, percent, to_ml_h
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.effect_parameter import onset
 from porotwin_core.rates.announced_rates import uncontrolled_rates, with_plan
 from porotwin_core.rates.bottle import bottle_at
 from porotwin_core.rates.fixed_pauses import FixedPauses
@@ -36,7 +36,6 @@ from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import Schedule, WellRates, quoted, with_rises
 from porotwin_core.rig import EffectDescription, Rig, read_rig
 from porotwin_core.rig.coarse_grid import coarse_grid
-from porotwin_core.rig.control_zones import unwanted_tracer
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import CHECKS as RIG_CHECKS
 from porotwin_core.rig.oddities import remarks_about
@@ -152,7 +151,8 @@ def check(
     remarks = list(found)
     if data is not None:
         with gathered_warnings() as unread:
-            told = remarks_about_known(replace(data.known(), rig=_modelled(rig)))
+            known = replace(data.known(), rig=_modelled(rig))
+            told = remarks_about_known(known, OF_TABLES | OF_MAPS)
         remarks += [replace(one, refused=one.refused or one.code == NO_PREDICTION) for one in told]
         remarks += [_told(text, kind) for text in unread]
         remarks += [_told(text, kind) for text in data.remarks]
@@ -162,10 +162,10 @@ def check(
         remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
         rates = _known_rates(rig, data).busiest
-        remarks += [*_uses(rig, cells, rates), *_camera_effects(rig), *_stock_in_zone(rig)]
+        remarks += _uses(rig, cells, rates)
         if not any(remark.refused for remark in remarks):
-            remarks += [*_late_effects(rig, data), *_unbalanced_leaks(rig, cells, data)]
-        remarks += _empty_bottle(rig, data)
+            remarks += _unbalanced_leaks(rig, cells, data)
+        remarks += remarks_about_known(_known(rig, data), OF_RIG)
         photograph, of_photographs = _photographs(rig, data)
         remarks += of_photographs
         if photograph is not None and not any(remark.refused for remark in remarks):
@@ -278,6 +278,8 @@ def _uses(rig: Rig, grid: Grid, rates: WellRates) -> Iterator[Remark]:
             use()
         except InputError as error:
             yield _as_remark(key, error)
+            if key == EFFECTS_KEY:  # the others would complain of them too
+                return
 
 
 def _end(rig: Rig, data: RecordedData | None) -> float:
@@ -290,16 +292,6 @@ def _acting(rig: Rig, data: RecordedData | None) -> Rig:
     return rig.model_copy(update={'effects': acting(rig.effects, _end(rig, data))})
 
 
-def _late_effects(rig: Rig, data: RecordedData | None) -> Iterator[Remark]:
-    """Yield a remark about every effect that begins after the end of the experiment."""
-    end, kept = _end(rig, data), _acting(rig, data).effects
-    for number, described in enumerate(rig.effects, start=1):
-        if described not in kept:
-            why = f'it begins at {onset(described):g} s, and the experiment ends at {end:g} s'
-            remedy = 'was the onset in another unit? write seconds, or remove the effect'
-            yield Remark(f'effects.{number}', described.name, why, remedy)
-
-
 def _unbalanced_leaks(rig: Rig, grid: Grid, data: RecordedData | None) -> Iterator[Remark]:
     """Yield a refusal if no well balances the leaks of a rig whose sides are all closed."""
     now = _acting(rig, data)
@@ -310,37 +302,12 @@ def _unbalanced_leaks(rig: Rig, grid: Grid, data: RecordedData | None) -> Iterat
         yield Remark('leaks', '', why, remedy, refused=True, code=NO_PREDICTION)
 
 
+def _known(rig: Rig, data: RecordedData | None) -> Known:
+    return Known(rig=rig, commanded=uncontrolled_rates(rig)) if data is None else data.known()
+
+
 def _known_rates(rig: Rig, data: RecordedData | None) -> Schedule:
     return (data and data.known_rates) or uncontrolled_rates(rig)
-
-
-def _camera_effects(rig: Rig) -> Iterator[Remark]:
-    """Yield a remark about every effect of the camera: nothing takes it out of photographs."""
-    for number, described in enumerate(rig.effects, start=1):
-        if described.name in EFFECTS and EFFECTS[described.name].is_of_camera:
-            yield Remark(
-                f'effects.{number}',
-                described.name,
-                'simulations show this effect of the camera, but the twin does not take it out of '
-                'photographs',
-                'correct the camera or calibrate it again',
-            )
-
-
-def _stock_in_zone(rig: Rig) -> Iterator[Remark]:
-    """Yield a remark about every fixed well that injects tracer where none must be."""
-    fixed = {} if rig.control is None else rig.control.fixed
-    for name, well in fixed.items():
-        place = np.array([[rig.wells[name].x_m, rig.wells[name].z_m]])
-        unwanted = unwanted_tracer(rig, place)
-        if well.rate_ml_h > 0.0 and well.concentration > 0.0 and unwanted is not None and unwanted:
-            yield Remark(
-                'control.objective',
-                '',
-                f'well {name} injects tracer where it wants none',
-                'compare the zone in the picture of this check with the rig; a picture of a zone '
-                'shows the zone bright',
-            )
 
 
 def in_words(checked: CheckedRig) -> list[str]:
@@ -386,17 +353,6 @@ def in_words(checked: CheckedRig) -> list[str]:
     return lines
 
 
-def _empty_bottle(rig: Rig, data: RecordedData | None) -> Iterator[Remark]:
-    """Yield a remark if the plan takes more stock than there is."""
-    plan = _known_rates(rig, data)
-    end = last_time(rig, data)
-    bottle = bottle_at(rig, plan, end)
-    if bottle is not None and bottle.empty_at < end:
-        why = f'the bottle is empty at {bottle.empty_at:.0f} s, before the end at {end:g} s'
-        taken = plan.injected_stock(0.0, end) * ML
-        yield Remark('control.stock_ml', '', why, f'the plan takes {taken:.4g} ml; fill in more')
-
-
 def announced_rates(checked: CheckedRig) -> Schedule:
     """Return the recorded rates, or a plan with the announced pauses."""
     rig = checked.planned or checked.rig
@@ -419,8 +375,7 @@ def stock_words(checked: CheckedRig) -> str | None:
 
 def last_time(rig: Rig, data: RecordedData | None) -> float:
     """Return the end of a recording or, without one, of the experiment of `rig` [s]."""
-    known = Known(rig=rig, commanded=uncontrolled_rates(rig)) if data is None else data.known()
-    return known.end
+    return _known(rig, data).end
 
 
 def balance_of(checked: CheckedRig) -> WaterBalance | None:

@@ -237,7 +237,7 @@ def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> No
     Raises:
         InputError: it is no experiment that other commands accept; `source` is named.
     """
-    from porotwin_checks.all_checks import OF_MAPS
+    from porotwin_checks.all_checks import OF_MAPS, OF_RIG
     from porotwin_recording.experiment.experiment_folder import MAPS_FILE
     from porotwin_recording.experiment.recording import odd_lines, open_recording
 
@@ -246,7 +246,7 @@ def _report(source: Path, target: Path, told: list[str], *, as_json: bool) -> No
     except InputError as error:  # it names files that are removed again
         reason = str(error).replace(f'{target}/', '').removeprefix(f'{target}: ')
         raise InputError(f'{source}: makes no valid experiment folder: {reason}') from None
-    for line in odd_lines([made], OF_MAPS):
+    for line in odd_lines([made], OF_MAPS | OF_RIG):
         say(line)
     maps, photographs = len(made.maps) if made.maps is not None else 0, len(made.photos)
     if as_json:

@@ -3,8 +3,8 @@
 import logging
 from pathlib import Path
 
+from porotwin_checks.all_checks import OF_RIG, remarks_about
 from porotwin_checks.checks import announced_pauses
-from porotwin_checks.known import Known
 from porotwin_cli.terminal import say
 from porotwin_core.rates.announced_rates import with_plan
 from porotwin_core.rig import Rig, load_rig
@@ -15,6 +15,7 @@ from porotwin_recording.experiment.experiment_folder import (
     MEASURED_FILE,
 )
 from porotwin_recording.tables.rates import read_rates
+from porotwin_recording.tables.recorded_data import RecordedData
 
 LOG = logging.getLogger('porotwin')
 
@@ -23,7 +24,7 @@ def planned_rig(path: Path) -> Rig:
     """Return the rig at `path`, a `rig.yaml` or a folder, with the pauses of a rates.csv beside it.
 
     A rates.csv beside maps, photographs or measured rates is the past of a recording, and no plan.
-    One line tells what the plan changes.
+    One line tells what the plan changes, others what is odd in what will run.
 
     Raises:
         InputError: a file is wrong, or the plan contradicts the control section.
@@ -31,11 +32,12 @@ def planned_rig(path: Path) -> Rig:
     rig = load_rig(path)
     folder = path if path.is_dir() else path.parent
     file = folder / COMMANDED_FILE
-    if rig.control is None or not holds_plan(folder):
-        return rig
-    plan = read_rates(file, rig.wells)
-    for remark in announced_pauses.CHECK.find(Known(rig=rig, commanded=plan)):
+    plan = read_rates(file, rig.wells) if rig.control and holds_plan(folder) else None
+    asked = OF_RIG | {'announced_pauses': announced_pauses.CHECK}
+    for remark in remarks_about(RecordedData(rig, plan).known(), asked):
         LOG.warning('%s', remark)
+    if plan is None:
+        return rig
     planned = with_plan(rig, plan, str(file))
     say(f'{file}: {plan_in_words(planned)}')
     return planned

@@ -8,6 +8,9 @@ import numpy as np
 
 from porotwin_core.rig import EffectDescription
 
+PRIOR_STEPS = 10.0
+"""Prior deviation of a parameter whose effect may be missing, in its natural steps [-]."""
+
 LARGEST_EXPONENT = 60.0
 """Bound of the exponent of a logarithmic parameter: exp(60) is far beyond every range, and exp does
 not overflow."""
@@ -53,6 +56,16 @@ class FitParameter:
         """Least and greatest number of steps."""
         low = -math.inf if self.log and self.low <= 0 else self.scaled(self.low)
         return low, self.scaled(self.high)
+
+    @property
+    def prior_deviation(self) -> float:
+        """Prior deviation where the effect may be missing [steps]: PRIOR_STEPS or half the range.
+
+        Diagnosis and COSTA ask it. `believed` of an effect is narrower: it says how far a rig lies
+        from its description.
+        """
+        low, high = self.range
+        return min(PRIOR_STEPS, 0.5 * (high - low))
 
     @property
     def is_never_absent(self) -> bool:

@@ -5,5 +5,5 @@ HELD_OUT_SHARE = 0.3
 
 
 def held_out_begin(first: float, last: float) -> float:
-    """Return the begin of the part that judges models, of maps from `first` to `last` [s]."""
+    """Return where the held-out part of maps from `first` to `last` [s] begins."""
     return first + (1.0 - HELD_OUT_SHARE) * (last - first)

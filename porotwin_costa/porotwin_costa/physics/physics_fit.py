@@ -30,9 +30,6 @@ TYPICAL_ERROR = 0.1
 """Error of a compared cell [-] that weighs as much as one standard deviation of a prior. It is
 larger than the noise, because the errors of neighbouring cells are alike."""
 
-PRIOR_STEPS = 20.0
-"""Standard deviation of the prior of every parameter, in its natural steps [-]."""
-
 
 class Comparison:
     """One sequence of frames, and how far free runs lie from it."""
@@ -96,13 +93,14 @@ def fit(
     workers of `pool` make the free runs.
     """
     shared = [pool.share(one) for one in comparisons]
-    ranges = np.array([one.range for part in parts for one in part.parameters])
-    lowest, highest = ranges.T
+    parameters = [one for part in parts for one in part.parameters]
+    lowest, highest = np.array([one.range for one in parameters]).T
+    deviations = np.array([one.prior_deviation for one in parameters])
 
     def residuals(values: FloatArray) -> list[FloatArray]:
         physics = physics_of(parts, values)
         found = list(pool.map(Comparison.errors, shared, repeat(physics)))
-        return [*found, values / PRIOR_STEPS]
+        return [*found, values / deviations]
 
     def slopes(values: FloatArray, here: Sequence[FloatArray]) -> list[FloatArray]:
         steps = np.where(values < highest - 1.0, 1.0, -1.0)
@@ -114,7 +112,7 @@ def fit(
             np.stack([(mine - errors[n * size + i]) / steps[i] for i in range(size)])
             for n, mine in enumerate(here[: len(shared)])
         ]
-        return [*stacks, -np.eye(size) / PRIOR_STEPS]
+        return [*stacks, -np.eye(size) / deviations]
 
     bounds = Bounds(lowest, highest)
     return minimise(residuals, slopes, start, bounds, iterations=iterations, least_gain=least_gain)

@@ -21,7 +21,7 @@ from porotwin_core.basis.parallel import Crew
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.fitted_effect import Candidate
-from porotwin_core.model.held_out_share import HELD_OUT_SHARE
+from porotwin_core.model.held_out_share import held_out_begin
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.model.learnt_solver import LearntSolver
 from porotwin_costa.data.frames import Frames, cut, resampled, sequences
@@ -134,7 +134,7 @@ class Share:
             kept, fitted = [Comparison(runs[-1], grid, solver)], runs[:-1]
         else:
             whole = runs[0]
-            end = float(whole.times[0] + (1 - HELD_OUT_SHARE) * (whole.times[-1] - whole.times[0]))
+            end = float(held_out_begin(whole.times[0], whole.times[-1]))
             kept = [Comparison(whole, grid, solver, after=end)]
             fitted = [cut(whole, end)]
         plain = LearntPhysics()

@@ -248,8 +248,8 @@ def _form(result: Diagnosis) -> str:
     looks = 'It looks most like' if form.fits_well else f'{NO_GOOD_FORM}. The best one looks like'
     return (
         f'{looks} {kind}: {said}. This form, found by regression, closes '
-        f'{100 * form.closed:.0f} % of the gap in the held-out part. It is a hint: of 27 simulated '
-        'gaps with causes outside the library, the kind was right in 23. Thin tight walls were not '
+        f'{100 * form.closed:.0f} % of the gap in the held-out part. It is a hint; '
+        'docs/reliability.md says how often the kind is right. Thin tight walls were not '
         'recognised.'
     )
 

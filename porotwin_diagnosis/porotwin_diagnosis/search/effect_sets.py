@@ -42,13 +42,10 @@ from porotwin_diagnosis.search.place_scan import trials_of, with_strength
 from porotwin_diagnosis.search.ranking import member_labels
 from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.thresholds import SYSTEMATIC_MISFIT
-from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
+from porotwin_solver.effects.definition.candidate import Candidate
 
 WIDTHS = (COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH)
 """Widths [cells] of the smoothing of the residuals that sets are ranked on."""
-
-STEPS = 10.0
-"""Prior deviation of a parameter [scaled]: ten of its natural steps, or half its range."""
 
 TRIED, LARGEST = 8, 300
 """Variances that the evidence is summed over, and groups of as many columns that are compared: the
@@ -274,12 +271,6 @@ def _trials(sample: Sample, name: str) -> list[Candidate]:
         return []
 
 
-def prior_deviation(parameter: FitParameter) -> float:
-    """Return the prior deviation of a scaled `parameter`."""
-    low, high = parameter.range
-    return float(min(STEPS, 0.5 * (high - low)))
-
-
 def _changes(candidate: Candidate) -> Iterator[tuple[EffectDescription, float]]:
     """Yield the effect with each parameter moved by a step, and the deviation in such steps."""
     if has_place(candidate.effect):
@@ -289,7 +280,7 @@ def _changes(candidate: Candidate) -> Iterator[tuple[EffectDescription, float]]:
         moved = list(candidate.first)
         step = 1.0 if moved[index] + 1.0 <= parameter.range[1] else -1.0
         moved[index] += step
-        yield candidate.described(moved), step * prior_deviation(parameter)
+        yield candidate.described(moved), step * parameter.prior_deviation
 
 
 def may_act(candidate: Candidate, members: Sequence[Candidate]) -> bool:
@@ -361,7 +352,7 @@ def _started(blocks: Sequence[Block], amounts: FloatArray) -> Group:
 def _moved(candidate: Candidate, amounts: FloatArray) -> Candidate:
     """Return `candidate` with a start that is `amounts` deviations further, within its ranges."""
     start = tuple(
-        float(np.clip(first + prior_deviation(parameter) * amount, *parameter.range))
+        float(np.clip(first + parameter.prior_deviation * amount, *parameter.range))
         for first, amount, parameter in zip(
             candidate.first, amounts, candidate.parameters, strict=True
         )

@@ -20,6 +20,10 @@ DEVIATION = 0.04
 """Standard deviation of the believed logarithm of the factor [-]."""
 
 
+LEAST_FITTED = 0.2
+"""Least factor [-] that fits and siblings consider."""
+
+
 def scale(physics: Physics, values: Values) -> Physics:
     """Return `physics` with another porosity."""
     return replace(physics, porosity=physics.porosity * values['factor'])
@@ -27,17 +31,19 @@ def scale(physics: Physics, values: Values) -> Physics:
 
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit the factor up to the one that makes the largest porosity 1."""
-    return [_in_steps(context.rig, 0.015, 0.2)]
+    return [_in_steps(context.rig, 0.015)]
 
 
 def believed(rig: Rig) -> Sequence[Candidate]:
     """Believe in a porosity as described, to DEVIATION."""
-    return [_in_steps(rig, DEVIATION, 1.0 / MOST_FACTOR)]
+    return [_in_steps(rig, DEVIATION)]
 
 
-def _in_steps(rig: Rig, step: float, low: float) -> Candidate:
+def _in_steps(rig: Rig, step: float) -> Candidate:
     largest = min(MOST_FACTOR, 1.0 / float(np.max(np.asarray(rig.nominal_map('porosity')))))
-    return Candidate('porosity', (FitParameter('factor', '-', 1.0, step, low, largest, log=True),))
+    return Candidate(
+        'porosity', (FitParameter('factor', '-', 1.0, step, LEAST_FITTED, largest, log=True),)
+    )
 
 
 def phrase(values: Values) -> str:

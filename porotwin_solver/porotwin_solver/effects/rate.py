@@ -6,7 +6,6 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, factor_off_one
-from porotwin_core.model.effect_limits import MOST_FACTOR
 from porotwin_core.model.effect_parameter import Values
 from porotwin_core.model.library_parameters import PARAMETERS
 from porotwin_core.rates.delivered_rates import RATE_DEVIATION
@@ -25,6 +24,10 @@ def misdeliver(physics: Physics, values: Values) -> Physics:
     return replace(physics, rate_factors=factors)
 
 
+DELIVERED = (0.0, 5.0)
+"""Range of the factors [-] that fits and siblings consider."""
+
+
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit the factor of a pumping well; in a closed rig the sinks follow.
 
@@ -32,7 +35,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
     """
     if context.rig.wells[context.well].rate_prior_ml_h is not None:
         return []
-    factor = FitParameter('factor', '-', 1.0, 0.02, 0.0, 5.0)
+    factor = FitParameter('factor', '-', 1.0, 0.02, *DELIVERED)
     return [Candidate('rate', (factor,), {'well': context.well})]
 
 
@@ -52,7 +55,7 @@ def unknown_rates(rig: Rig, wells: Iterable[str]) -> list[Candidate]:
 
 def _of_well(well: str, step: float) -> Candidate:
     """Return the factor of a `well`, in steps of its logarithm [-]."""
-    factor = FitParameter('factor', '-', 1.0, step, 0.0, MOST_FACTOR, log=True)
+    factor = FitParameter('factor', '-', 1.0, step, *DELIVERED, log=True)
     return Candidate('rate', (factor,), {'well': well})
 
 
