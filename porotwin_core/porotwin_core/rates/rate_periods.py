@@ -35,6 +35,9 @@ PUMP_ACCURACY = 0.02
 SHORTEST_PERIOD_S = 0.5
 """Edges closer than this [s] coincide: clocks of pumps and cameras agree no better."""
 
+OPEN_HORIZON_S = 1800.0
+"""How far plans and forecasts look ahead where nobody tells the end of the experiment [s]."""
+
 MOST_PERIODS = 8
 """Periods of one interval that are predicted one by one; more of them count by their mean rates."""
 
