@@ -25,6 +25,7 @@ from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
 from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rate_periods import OPEN_HORIZON_S
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import EffectDescription
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
@@ -64,9 +65,6 @@ from porotwin_siblings.siblings_messages import (
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 from porotwin_solver.model.water_balance import water_balance
 
-OPEN_END_S = 7200.0
-"""Horizon of an experiment without an end [s]."""
-
 MAPS = 2
 """Maps of a forecast: half way, and at its end."""
 
@@ -100,7 +98,7 @@ class SiblingsNode(TwinNode):
         self._horizon = declare(
             self,
             'horizon_s',
-            OPEN_END_S,
+            OPEN_HORIZON_S,
             'how far forecasts look ahead [s]',
             at_least=60.0,
             at_most=LONGEST_HORIZON_S,

@@ -14,7 +14,7 @@ from porotwin_cli.running.loop_scenario import LoopScenario
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.state_filter import StateFilter
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rate_periods import KnownRates, orders_by_hand
+from porotwin_core.rates.rate_periods import OPEN_HORIZON_S, KnownRates, orders_by_hand
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
 from porotwin_guard.guard import Guard, SetpointRequest
@@ -28,9 +28,6 @@ from porotwin_hub.operator.setpoint_expiry import SetpointDecision
 from porotwin_rig.limits import refuse_broken_limits
 from porotwin_solver.adjoint.grid_models import GridModels
 from porotwin_solver.effects import tracer_storage
-
-OPEN_HORIZON_S = 1800.0
-"""Horizon of a plan without a known end [s], as in the hub."""
 
 PLAN_PRESET = 'fast'
 """Numerical scheme of plans on their coarser grid, as the solver's node has it."""

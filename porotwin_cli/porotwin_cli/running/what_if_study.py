@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_cli.options.experiment_times import MOST_TIMES
-from porotwin_cli.running.loop_run import OPEN_HORIZON_S
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.text_with_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
@@ -21,7 +20,7 @@ from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.bottle import Bottle, bottle_at
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.rate_periods import RatePeriod
+from porotwin_core.rates.rate_periods import OPEN_HORIZON_S, RatePeriod
 from porotwin_core.rates.wells import (
     RateStep,
     Schedule,

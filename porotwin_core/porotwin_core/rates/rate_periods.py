@@ -33,6 +33,9 @@ PUMP_ACCURACY = 0.02
 """Share of its rate by which a pump may be wrong without a remark; the paper's producer delivers
 1 % too little (section 4)."""
 
+OPEN_HORIZON_S = 1800.0
+"""How far plans and forecasts look ahead where nobody tells the end of the experiment [s]."""
+
 MOST_PERIODS = 8
 """Periods of one interval that are predicted one by one; more of them count by their mean rates."""
 
