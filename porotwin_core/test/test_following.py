@@ -199,7 +199,7 @@ class LateListener:
         until(condition, lambda: self.refused, look=self.executor.spin_once)
 
     def spin(self) -> None:
-        """Spin for several of the node's looks who publishes."""
+        """Spin for five looks at the publishers."""
         end = time.monotonic() + 5 * LOOK_EACH_S
         self.until(lambda: time.monotonic() > end)
 
@@ -207,7 +207,7 @@ class LateListener:
 TOPIC = 'asset/experiment'
 
 LOOK_EACH_S = 0.05
-"""Time between two looks who publishes [s]; that of the nodes is longer."""
+"""Time between two looks at the publishers [s]; that of the nodes is longer."""
 
 
 @pytest.mark.graph
