@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 RAW_LISTENERS = {
     'porotwin_core/porotwin_core/ros/following.py': {'?'},
-    'porotwin_core/porotwin_core/ros/node.py': {'topic'},  # hands on what a node asks for
+    'porotwin_core/porotwin_core/ros/node.py': {'topic'},  # hands on the wish of a node
     'porotwin_hub/porotwin_hub/supervisor_node.py': {'DIAGNOSTICS', 'EVERY_NODES_TOPIC'},
     'porotwin_page/porotwin_page/page_node.py': {'DIAGNOSTICS'},
     'porotwin_recording/porotwin_recording/live/replay_audience.py': {
@@ -33,7 +33,7 @@ RAW_LISTENERS = {
     },
     'porotwin_recording/porotwin_recording/recorder_node.py': {'name'},  # records whatever is said
 }
-"""What subscribes without `follow`, and to which topics, as the code names them."""
+"""Files with other subscriptions than `follow`, and their topics in the words of the code."""
 
 
 def subscriptions() -> dict[str, set[str]]:
@@ -86,7 +86,7 @@ def nodes() -> Iterator[Callable[[str], Any]]:
 
 
 class Listener:
-    """A node that follows `wells/setpoint` and keeps what it takes and refuses."""
+    """A follower of `wells/setpoint`. It keeps the numbers of setpoints, and the refusals."""
 
     def __init__(self, node: Any) -> None:
         self.taken: list[int] = []
