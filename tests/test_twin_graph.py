@@ -31,7 +31,7 @@ from porotwin_rig.made_experiment import make_experiment
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
-GRID = '62x37'
+GRID = '47x28'
 PHOTOGRAPHS = 18
 FAULTS = {13: 'truncated', 15: 'half_size', 16: 'black'}
 """Photographs that cannot be used, counted from 0."""

@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 RAW_LISTENERS = {
     'porotwin_core/porotwin_core/ros/following.py': {'?'},
-    'porotwin_core/porotwin_core/ros/node.py': {'topic'},  # hands on what a node asks for
+    'porotwin_core/porotwin_core/ros/node.py': {'topic'},  # hands on the wish of a node
     'porotwin_hub/porotwin_hub/supervisor_node.py': {'DIAGNOSTICS', 'EVERY_NODES_TOPIC'},
     'porotwin_page/porotwin_page/page_node.py': {'DIAGNOSTICS'},
     'porotwin_recording/porotwin_recording/live/replay_audience.py': {
@@ -33,7 +33,7 @@ RAW_LISTENERS = {
     },
     'porotwin_recording/porotwin_recording/recorder_node.py': {'name'},  # records whatever is said
 }
-"""What subscribes without `follow`, and to which topics, as the code names them."""
+"""Files with other subscriptions than `follow`, and their topics in the words of the code."""
 
 
 def subscriptions() -> dict[str, set[str]]:
@@ -86,7 +86,7 @@ def nodes() -> Iterator[Callable[[str], Any]]:
 
 
 class Listener:
-    """A node that follows `wells/setpoint` and keeps what it takes and refuses."""
+    """A follower of `wells/setpoint`. It keeps the numbers of setpoints, and the refusals."""
 
     def __init__(self, node: Any) -> None:
         self.taken: list[int] = []
@@ -199,7 +199,7 @@ class LateListener:
         until(condition, lambda: self.refused, look=self.executor.spin_once)
 
     def spin(self) -> None:
-        """Spin for several of the node's looks who publishes."""
+        """Spin for five looks at the publishers."""
         end = time.monotonic() + 5 * LOOK_EACH_S
         self.until(lambda: time.monotonic() > end)
 
@@ -207,7 +207,7 @@ class LateListener:
 TOPIC = 'asset/experiment'
 
 LOOK_EACH_S = 0.05
-"""Time between two looks who publishes [s]; that of the nodes is longer."""
+"""Time between two looks at the publishers [s]; that of the nodes is longer."""
 
 
 @pytest.mark.graph

@@ -39,7 +39,7 @@ PHOTO_INTERVAL_S = 30.0
 CYCLES = 2
 """Most cycles until a fault shows, and until the twin acts again."""
 
-START_S = 120.0
+START_S = 240.0
 """Longest cold start of all nodes on a busy machine [s]."""
 
 RETRY_S = 5.0
