@@ -56,7 +56,8 @@ def _of_document(text: str) -> Iterator[Text]:
 
 
 def _of_module(text: str) -> Iterator[Text]:
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+    lines = io.StringIO(text if '#' in text else '')  # most files have no comment
+    for token in tokenize.generate_tokens(lines.readline):
         if token.type == tokenize.COMMENT:
             yield token.start[0], token.string
     for node in ast.walk(ast.parse(text)):

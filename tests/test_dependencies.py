@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -57,6 +58,7 @@ def pip_names() -> set[str]:
     return {re.split('[<>=]', line)[0] for line in lines if line and not line.startswith('#')}
 
 
+@cache
 def third_party(package: str) -> set[str]:
     """Return the top-level names that a package imports and that are not Python's own."""
     names: set[str] = set()

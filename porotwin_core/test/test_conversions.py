@@ -311,17 +311,13 @@ def test_a_wrong_rig_description_is_refused_in_one_line(spoil: Any, complaint: s
     assert '\n' not in str(caught.value)
 
 
-def test_effects_survive_the_wire_and_a_number_must_be_finite() -> None:
+def test_effects_survive_the_wire_and_a_parameter_is_one_finite_number() -> None:
     effect = EffectDescription(name='rate', parameters={'well': 'a', 'factor': 0.7})
     message = conversions.effect_to_msg(effect)
     assert conversions.effects_from_msg([message]) == (effect,)
     message.parameter_values[1] = math.nan
     with pytest.raises(InputError, match="effect 'rate': factor = nan; send a finite number"):
         conversions.effects_from_msg([message])
-
-
-def test_a_parameter_of_an_effect_that_is_given_twice_is_refused() -> None:
-    effect = EffectDescription(name='rate', parameters={'well': 'a', 'factor': 0.7})
     message = conversions.effect_to_msg(effect)
     message.parameter_names.append('factor')
     message.parameter_values.append(0.9)

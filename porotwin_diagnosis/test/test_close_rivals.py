@@ -36,28 +36,23 @@ class CorrectedAt:
         return 0.01 if {one.label, other.label} <= alike else 0.3
 
 
-def test_the_most_probable_group_of_close_rivals_comes_first():
+def test_the_most_probable_group_of_close_rivals_or_an_earlier_finding_comes_first():
     singles = [fit_of('depth', misfit=0.41), fit_of('porosity', misfit=0.45)]
     singles += [fit_of('retardation', misfit=0.46), fit_of('leak', misfit=3.0)]
     levels, compared = compared_rivals(CorrectedAt(), singles, NULL)
     assert [fit.label for fit in compared] == ['porosity', 'retardation', 'depth', 'leak']
     assert levels.best == 'porosity'
     assert {round(fit.fitted_misfit, 6) for fit in compared[:3]} == {round(1.25 / 3, 6)}
+    believed = Prior({'retardation': 0.9, 'leak': 0.1})
+    levels, compared = compared_rivals(CorrectedAt(), singles, NULL, believed)
+    assert [fit.label for fit in compared] == ['retardation', 'porosity', 'depth', 'leak']
+    assert levels.best == 'retardation'
 
 
 def test_rivals_on_equal_terms_swallow_nothing_without_shared_errors():
     singles = [fit_of('depth', misfit=0.41), fit_of('porosity', misfit=0.45)]
     _, compared = compared_rivals(CorrectedAt(), singles, NULL)
     assert [swallowed_misfit(fit) for fit in compared] == [0.0, 0.0]
-
-
-def test_an_earlier_finding_decides_between_close_rivals():
-    singles = [fit_of('depth', misfit=0.41), fit_of('porosity', misfit=0.45)]
-    singles += [fit_of('retardation', misfit=0.46), fit_of('leak', misfit=3.0)]
-    believed = Prior({'retardation': 0.9, 'leak': 0.1})
-    levels, compared = compared_rivals(CorrectedAt(), singles, NULL, believed)
-    assert [fit.label for fit in compared] == ['retardation', 'porosity', 'depth', 'leak']
-    assert levels.best == 'retardation'
 
 
 def test_of_two_rivals_that_fit_alike_the_simpler_one_comes_first():

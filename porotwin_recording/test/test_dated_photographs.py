@@ -217,25 +217,16 @@ def test_an_experiment_is_no_lab_folder(tmp_path: Path) -> None:
     assert not is_lab_folder(tmp_path)
 
 
-def test_a_photograph_without_a_time_is_left_out_and_the_others_count(tmp_path: Path) -> None:
-    words = {
-        'IMG_20240531_095900.jpg': NO_FILE,
-        'IMG_20240531_100500.jpg': NO_FILE,
-        'IMG_20241331_101000.jpg': NO_FILE,
-        'sketch/notes.jpg': NO_FILE,
-    }
-    photos, told = imported(tmp_path, words)
+def test_a_photograph_without_a_time_is_left_out_and_names_count_if_more_of_them_hold_one(
+    tmp_path: Path,
+) -> None:
+    named = {'IMG_20240531_095900.jpg': NO_FILE, 'IMG_20240531_100500.jpg': NO_FILE}
+    wrong = {'IMG_20241331_101000.jpg': NO_FILE, 'sketch/notes.jpg': NO_FILE}
+    photos, told = imported(tmp_path / 'a', named | wrong)
     assert [photo.time for photo in photos] == [-60.0, 300.0]
     assert '2 of 4 photographs hold no time and are left out' in told
-
-
-def test_names_count_if_more_of_them_hold_a_time(tmp_path: Path) -> None:
-    words = {
-        'IMG_20240531_095900.jpg': NO_FILE,
-        'IMG_20240531_100500.jpg': NO_FILE,
-        'IMG_20240531_101000.jpg': '2022-05-31 10:10:00',
-    }
-    photos, told = imported(tmp_path, words)
+    other = {'IMG_20240531_101000.jpg': '2022-05-31 10:10:00'}
+    photos, told = imported(tmp_path / 'b', named | other)
     assert [photo.time for photo in photos] == [-60.0, 300.0, 600.0]
     assert 'EXIF times of 1 photographs, such as IMG_20240531_101000.jpg, are not used' in told
 

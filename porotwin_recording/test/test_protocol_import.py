@@ -77,23 +77,16 @@ def test_hidden_copies_of_photographs_are_no_photographs(folder: Path) -> None:
     assert [photo.read()[-1] for photo in recording.photos] == [7, 8, 9]
 
 
-def test_injections_of_two_wells_need_their_concentrations(folder: Path) -> None:
+@pytest.mark.parametrize(('given', 'out'), [(1.0, 1.0), (concentration_in('in=1, out=0'), 0.0)])
+def test_injections_of_two_wells_need_their_concentrations(folder: Path, given, out) -> None:
     protocol = folder / 'injection_protocol.csv'
     protocol.write_text(INJECTION.replace(',-1.5', ',1.5'))
     with pytest.raises(InputError, match="no column concentration, and 'in' and 'out' inject"):
         imported(folder)
-    recording, _ = imported(folder, replace(PLAIN, concentration=1.0))
-    assert recording.schedule.at(70.0)['out'].concentration == 1.0
-
-
-def test_every_well_may_have_a_concentration_of_its_own(folder: Path) -> None:
-    protocol = folder / 'injection_protocol.csv'
-    protocol.write_text(INJECTION.replace(',-1.5', ',1.5'))
     with pytest.raises(InputError, match="names no concentration of 'out'; add out=1"):
         imported(folder, replace(PLAIN, concentration={'in': 1.0}))
-    recording, _ = imported(folder, replace(PLAIN, concentration=concentration_in('in=1, out=0')))
-    rates = recording.schedule.at(70.0)
-    assert (rates['in'].concentration, rates['out'].concentration) == (1.0, 0.0)
+    rates = imported(folder, replace(PLAIN, concentration=given))[0].schedule.at(70.0)
+    assert (rates['in'].concentration, rates['out'].concentration) == (1.0, out)
 
 
 @pytest.mark.parametrize('text', ['2', 'dye', 'in=1,out', 'in=-1', 'in=1;out=0'])
