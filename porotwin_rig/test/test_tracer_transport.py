@@ -151,7 +151,7 @@ def test_tracer_fades_by_its_age_however_long_the_steps_are() -> None:
     fields = []
     for step in (1200.0, 30.0):
         fades = EffectDescription(name='decay', parameters={'rate': 3e-4})
-        asset = VirtualRig(make_rig(), effects=[fades], cell=0.004)
+        asset = VirtualRig(make_rig(), effects=[fades], cell=0.008)
         asset.set_rates(rates(injector=(500.0, 1.0), producer=-500.0))
         run(asset, 1200.0, step)
         fields.append(asset.visible())
