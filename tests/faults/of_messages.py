@@ -247,7 +247,7 @@ def brief_calls(stage: Stage) -> None:
         wells=conversions.rates_to_msg(stage.limits.safe()),
     )
     for name in ('guard/control', 'asset/control'):
-        for _ in range(2):
+        for _ in range(3):
             stage.call_and_leave(Control, name, Control.Request(setpoint=setpoint))
 
 

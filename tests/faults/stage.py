@@ -16,6 +16,7 @@ import numpy as np
 import rclpy
 from graph import RunningGraph, running_graph
 from rclpy.context import Context
+from rclpy.duration import Duration
 from set_clock import SetClock
 
 from porotwin_core.rig import load_rig, write_rig
@@ -293,6 +294,8 @@ class Stage:
         try:
             self.wait_for(f'the subscribers of {topic}', all_matched)
             yield publisher.publish
+            # a message of a program that leaves at once may be lost on a busy machine
+            publisher.wait_for_all_acked(Duration(seconds=RETRY_S))
         finally:
             node.destroy_node()
             rclpy.try_shutdown(context=context)
