@@ -30,7 +30,7 @@ from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.loop.cycle import Observation
 from porotwin_hub.loop.twin import Twin
 from porotwin_hub.models.forecast import no_correction
-from porotwin_msgs.msg import CleanState, Setpoint
+from porotwin_msgs.msg import Setpoint
 from porotwin_msgs.msg import WellRates as WellRatesMessage
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_siblings.continuity import periods_until
@@ -182,30 +182,15 @@ def of_the_diagnosis(rig: Rig, photographs: list[Photograph], folder: Path) -> l
 
 
 def of_a_bag(rig: Rig, photographs: list[Photograph], file: Path) -> list[RatePeriod]:
-    start = CleanState(cause=CleanState.START, header=header_at(0.0))
-    messages: list[tuple[str, object]] = [
-        ('/lab/rig/description', rig_to_msg(rig)),
-        ('/lab/asset/clean_state', start),
-    ]
+    messages: list[tuple[str, object]] = [('/lab/rig/description', rig_to_msg(rig))]
     for number, one in enumerate(photographs, start=1):
-        messages += [
-            (
-                '/lab/wells/measured',
-                WellRatesMessage(
-                    header=header_at(known.end),
-                    start=time_to_msg(known.start),
-                    wells=rates_to_msg(known.rates),
-                ),
-            )
-            for known in one.known
-        ]
-        setpoint = Setpoint(
-            header=header_at(one.time),
-            sequence=number,
-            valid_until=time_to_msg(one.ends),
-            wells=rates_to_msg(one.order),
-        )
-        messages.append(('/lab/wells/setpoint', setpoint))
+        for known in one.known:
+            wells, start = rates_to_msg(known.rates), time_to_msg(known.start)
+            told = WellRatesMessage(header=header_at(known.end), start=start, wells=wells)
+            messages.append(('/lab/wells/measured', told))
+        wells, until, header = rates_to_msg(one.order), time_to_msg(one.ends), header_at(one.time)
+        order = Setpoint(header=header, sequence=number, valid_until=until, wells=wells)
+        messages.append(('/lab/wells/setpoint', order))
     write_live_bag(file, messages)
     schedule = open_recording(file).delivered
     return [RatePeriod(*period) for period in schedule.intervals(0.0, photographs[-1].time)]

@@ -273,7 +273,7 @@ class RateHistory:
         self.told_start = time
 
     def believe_start(self, stamp: float) -> None:
-        """Count what is announced from the start that is believed at the state of `stamp` [s]."""
+        """Count announced pauses from the believed start, for the state of `stamp` [s]."""
         self._began = believed_start(self.told_start, self._began, stamp)
         self.pauses = self.announced.since(self._began)
 
