@@ -120,11 +120,9 @@ def test_samples_are_taken_once_and_written_as_parts(collector, model, unseen_fr
     assert collector.completed == 10
 
 
-def test_state_on_another_grid_and_unknown_well_are_refused(collector, rig):
+def test_state_on_another_grid_is_refused(collector, rig):
     with pytest.raises(InputError, match='7x5'):
         collector.observed(0.0, np.zeros((5, 7)), rig.grid(7, 5))
-    with pytest.raises(InputError, match="'other'"):
-        _measure(collector, 0.0, {'other': WellRate(1e-7)})
 
 
 def test_predictions_fill_no_cells_after_the_clock_jumped_back(
