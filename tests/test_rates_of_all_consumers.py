@@ -16,7 +16,6 @@ from recording_examples import write_live_bag
 
 from porotwin_core.clock.photo_interval import VALIDITY_INTERVALS
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRates
@@ -134,7 +133,7 @@ def of_the_hub(rig: Rig, photographs: list[Photograph]) -> list[RatePeriod]:
         no_correction,
         photo_interval=INTERVAL,
         controller=controller,
-        pauses=FixedPauses.of(rig),
+        rates=RateHistory.of(rig),
     )
     found: list[RatePeriod] = []
     for one in photographs:
@@ -151,7 +150,7 @@ def tell(rates: RateHistory, one: Photograph) -> None:
 
 def of_the_siblings(rig: Rig, photographs: list[Photograph]) -> list[RatePeriod]:
     rates, siblings = RateHistory.of(rig), Following()
-    rates.pauses = FixedPauses.of(rig)
+    rates.reach(0.0)
     found: list[RatePeriod] = []
     for one in photographs:
         tell(rates, one)

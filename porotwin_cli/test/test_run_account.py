@@ -3,8 +3,10 @@
 import pytest
 
 from porotwin_cli.recorded.run_account import RunAccount
+from porotwin_cli.workspace import small_rig
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import WellRate
+from porotwin_core.rig import load_rig
 
 
 @pytest.mark.parametrize(
@@ -13,13 +15,17 @@ from porotwin_core.rates.wells import WellRate
         ([0.0, 0.0, 0.0], 0),
         ([500.0, 500.0, 500.0], 1),
         ([0.0, 120.0, 0.0], 2),
-        ([0.0, 0.01], 0),  # no pump can be set so finely
         ([], 0),
+        ([0.6, 1.2, 1.8], 1),
     ],
 )
-def test_setpoints_with_other_rates_than_before_are_orders(
-    control1: list[float], orders: int
-) -> None:
-    safe = {'injector': WellRate(from_ml_h(500.0), 1.0), 'control1': WellRate()}
-    rates = [{**safe, 'control1': WellRate(from_ml_h(rate))} for rate in control1]
-    assert RunAccount(rates=rates).orders(safe) == orders
+def test_setpoints_that_a_hand_changes_are_orders(control1: list[float], orders: int) -> None:
+    rates = [
+        {
+            'injector': WellRate(from_ml_h(500.0), 1.0),
+            'producer': WellRate(from_ml_h(-500.0 - rate)),
+            'control1': WellRate(from_ml_h(rate)),
+        }
+        for rate in control1
+    ]
+    assert RunAccount(rates=rates).orders(load_rig(small_rig())) == orders

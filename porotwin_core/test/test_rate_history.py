@@ -2,19 +2,24 @@
 
 import itertools
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates import rate_history
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.order_delay import MOST_DELAY_S
 from porotwin_core.rates.rate_history import Order, RateHistory, Source, TracedPeriod
 from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
+from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates
+from porotwin_core.rig import load_rig
 
+SMALL = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
 REST = {'a': WellRate(), 'out': WellRate()}
 FIRST = {'a': WellRate(1e-7), 'out': WellRate(-1e-7)}
 SECOND = {'a': WellRate(2e-7), 'out': WellRate(-2e-7)}
@@ -186,6 +191,20 @@ def test_a_person_who_told_when_orders_were_set_is_waited_for() -> None:
     history.add_known(confirmed(160.0, SECOND))
     assert history.plan(160.0, 300.0) == (RateStep(0.0, SECOND),)
     assert in_force(history, 150.0, 180.0) == [(150.0, 160.0, 'first'), (160.0, 180.0, 'second')]
+
+
+def test_nobody_is_waited_for_who_was_told_no_change() -> None:
+    history = RateHistory.of(SMALL)
+    told = [
+        safe_rates(SMALL) | {'control1': WellRate(from_ml_h(rate))} for rate in (100, 100.6, 101.2)
+    ]
+    history.add_commanded(0.0, told[0])
+    history.add_known(confirmed(20.0, told[0]))
+    history.add_commanded(30.0, told[1])
+    assert not history.ahead(40.0, told[0]).waits
+    assert history.plan(40.0, 300.0) == (RateStep(0.0, told[0]),)
+    history.add_commanded(60.0, told[2])  # small changes add up
+    assert history.ahead(70.0, told[0]).waits
 
 
 def test_confirmed_rates_are_present_until_a_newer_setpoint_of_a_prompt_person() -> None:

@@ -90,8 +90,9 @@ def test_a_map_without_deviations_has_usual_ones() -> None:
     seen = Seen.of(values, None, None)
     assert (seen.random > 0.0).all()
     assert np.isfinite(seen.systematic).all()
-    given = Seen.of(values, np.array([[0.05, np.nan]]), np.array([[0.03, np.nan]]))
+    given = Seen.of(np.array([[0.5, 0.5]]), np.array([[0.05, np.nan]]), np.array([[0.03, np.nan]]))
     assert given.random[0, 0] == pytest.approx(0.04)
+    assert given.random[0, 1] == pytest.approx(seen.random[0, 0])
 
 
 def test_a_long_injection_keeps_the_volume_in_spite_of_noise_above_zero() -> None:

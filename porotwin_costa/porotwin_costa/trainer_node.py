@@ -163,7 +163,6 @@ class TrainerNode(TwinNode):
             on_state=self._on_state,
             on_clean_state=self._on_clean,
             on_effects=self._on_effects,
-            on_start=self._rates.note_start,
         )
         # not the node's clock: simulated time may stand still while the solver is silent
         self.create_timer(POLL_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -82,7 +82,6 @@ class DiagnosisNode(TwinNode):
             on_state=self._on_state,
             on_clean_state=self._on_clean,
             on_effects=self._on_effects,
-            on_start=self._run.rates.note_start,
         )
         self._callers = OnlyCaller(self, goals_of(DIAGNOSE))
         self._server = ActionServer(

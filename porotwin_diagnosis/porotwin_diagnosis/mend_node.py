@@ -170,7 +170,6 @@ class MendNode(TwinNode):
             on_state=self._on_state,
             on_clean_state=self._on_clean,
             on_effects=self._on_effects,
-            on_start=self._states.rates.note_start,
         )
         follow(self, CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         answers = MutuallyExclusiveCallbackGroup()

@@ -17,7 +17,7 @@ from porotwin_core.clock.freshness import PhotographClock
 from porotwin_core.clock.stamps import steady_time
 from porotwin_core.model.correction import CorrectionFn
 from porotwin_core.model.state_filter import StateFilter
-from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
@@ -101,17 +101,16 @@ class HubNode(TwinNode):
             self, rig, self._grid, self._call, interval=interval, simulated=self._simulated
         )
         planner = self._planning.planner()
+        self._rates = RateHistory.of(rig, 0.0 if self._simulated else None)
         state_filter = self._declare_filter(rig)
         twin = Twin(
             physics or PhysicsModelClient(self._call, self._grid),
             data_driven or DataDrivenModelClient(self._call, self._grid),
             photo_interval=interval,
             controller=planner,
-            assumed=self._known_limits.safe() if self._known_limits else None,
+            rates=self._rates,
             state_filter=state_filter,
             learner=self._declare_learner(rig) if state_filter is not None else None,
-            began=0.0 if self._simulated else None,  # simulated time counts from the start
-            pauses=FixedPauses.of(rig),
             watch=TracerWatch(rig, self._grid),
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
@@ -260,7 +259,7 @@ class HubNode(TwinNode):
             self._model_changed.set()
 
     def _on_experiment(self, message: Header) -> None:
-        self._twin.set_start(conversions.time_from_msg(message.stamp))
+        self._rates.told_start = conversions.time_from_msg(message.stamp)
 
     def _on_refreshed(self, message: StateRefreshed) -> None:
         self._inbox.add_refreshed(message.sequence)

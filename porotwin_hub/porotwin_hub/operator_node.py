@@ -132,7 +132,7 @@ class OperatorNode(TwinNode):
 
     def _on_offer(self, message: MendOffer) -> None:
         """Say what a diagnosis offers to the model, and what became of it."""
-        asks = message.state == MendOffer.OFFERED and len(message.effects) > 0
+        _, asks = conversions.offer_state_from_msg(message)
         text = f'offer {message.sequence}: {said(MEND, message.sentence)}'
         if asks:
             text += '\n  answer on the page, or with ./porotwin mend accept or refuse'

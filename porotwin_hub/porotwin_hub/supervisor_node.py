@@ -19,6 +19,7 @@ from rclpy.parameter import parameter_value_to_python
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parent import PARENT, launcher_is_gone
 from porotwin_core.basis.units import DAY_S
+from porotwin_core.clock.freshness import STALE_AFTER_S
 from porotwin_core.clock.stamps import set_ahead
 from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import (
@@ -34,7 +35,6 @@ from porotwin_core.ros.ros_environment import check_room, check_shared_memory
 from porotwin_core.ros.single_instance import EVERY_NODES_TOPIC
 from porotwin_hub.launching.liveness import (
     RESTART_AFTER_S,
-    STALE_AFTER_S,
     START_PATIENCE_S,
     Liveness,
     Silence,

@@ -154,7 +154,7 @@ def test_rates_ramp_where_they_may_not_jump() -> None:
 def test_a_failed_well_is_left_out_and_the_plan_uses_what_pumps_deliver() -> None:
     model = TwoStages()
     decision = controller(model).decide(
-        ToyModel(), STATE, LIMITS.safe(), plant=PlantKnowledge({'control1': 0.0, 'control3': 0.5})
+        ToyModel(), STATE, LIMITS.safe(), plant=PlantKnowledge({'control1': 0.2, 'control3': 0.5})
     )
     assert all(control_ml_h(step.rates)[0] == 0.0 for step in decision.plan)
     most = max(rates['control3'].rate for rates in model.rates)

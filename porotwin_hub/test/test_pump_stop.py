@@ -9,6 +9,7 @@ from box_rig import box_rig
 from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.state_filter import StateFilter
+from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.estimation.rate_learning import RateLearner
 from porotwin_hub.estimation.tracer_watch import TracerWatch
@@ -68,7 +69,7 @@ def followed(
         Column(),
         no_correction,
         photo_interval=INTERVAL,
-        assumed=TOLD,
+        rates=RateHistory(TOLD),
         watch=TracerWatch(RIG, GRID),
         state_filter=StateFilter(PORES, (GRID.dz, GRID.dx)),
         learner=RateLearner(('in',), GRID, closed=False),

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_hub.estimation.pump_watch import NOTHING, REST_S, Expectations, PumpWatch, likeliest
+from porotwin_hub.estimation.pump_watch import REST_S, Expectations, PumpWatch, likeliest
+from porotwin_hub.models.plant_knowledge import STANDS
 
 BLOCKS = 40
 USUAL = np.full(BLOCKS, 0.5)
@@ -30,7 +31,7 @@ def test_a_stopped_pump_is_told_once_after_two_photographs() -> None:
     assert told(watch, photograph(USUAL + PUSH), 1) == []
     (line,) = told(watch, photograph(USUAL + PUSH), 1)
     assert line.startswith('push seems to deliver nothing')
-    assert watch.share('push') == NOTHING
+    assert watch.share('push') == STANDS
     assert watch.share('other') == 1.0
 
 
@@ -97,6 +98,6 @@ def test_a_faulty_pump_is_tried_again_after_a_rest() -> None:
     watch = PumpWatch()
     told(watch, photograph(USUAL + PUSH))
     watch.rest(['push'], REST_S)
-    assert watch.share('push') == NOTHING
+    assert watch.share('push') == STANDS
     watch.rest(['push'], 1.0)
     assert watch.share('push') == 1.0

@@ -13,6 +13,7 @@ from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.model.correction import Correction, CorrectionFn
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRate, WellRates, net_rate
 from porotwin_core.rig import EffectDescription
@@ -272,7 +273,7 @@ def test_without_control_the_twin_predicts_with_the_measured_rates(
 def test_without_control_the_assumed_rates_count_until_others_are_known(
     toy_model: ToyModel, toy_limits: Limits
 ) -> None:
-    twin = Twin(toy_model, no_correction, photo_interval=30.0, assumed=toy_limits.safe())
+    twin = Twin(toy_model, no_correction, photo_interval=30.0, rates=RateHistory(toy_limits.safe()))
     assert twin.cycle(empty(0.0)).pumped == toy_limits.safe()
     known = {'push': WellRate(from_ml_h(10.0))}
     assert twin.cycle(empty(30.0), [KnownRates(12.0, 12.0, known)]).pumped == known
@@ -283,7 +284,7 @@ def test_without_control_the_assumed_rates_count_until_others_are_known(
 def test_a_confirmation_just_before_a_photograph_holds_from_then_on(
     toy_model: ToyModel, toy_limits: Limits, time: float
 ) -> None:
-    twin = Twin(toy_model, no_correction, photo_interval=30.0, assumed=toy_limits.safe())
+    twin = Twin(toy_model, no_correction, photo_interval=30.0, rates=RateHistory(toy_limits.safe()))
     twin.cycle(empty(0.0))
     confirmed = {'push': WellRate(from_ml_h(10.0))}
     cycle = twin.cycle(empty(30.0), [KnownRates(time, time, confirmed)])
@@ -297,9 +298,7 @@ def test_after_control_is_switched_off_the_last_setpoint_holds_until_it_ends(
     toy_model: ToyModel, toy_controller: Controller, toy_limits: Limits
 ) -> None:
     safe = toy_limits.safe()
-    twin = Twin(
-        toy_model, no_correction, photo_interval=30.0, controller=toy_controller, assumed=safe
-    )
+    twin = Twin(toy_model, no_correction, photo_interval=30.0, controller=toy_controller)
     last = twin.cycle(empty(0.0)).setpoint
     assert last is not None
     twin.change_controller(None)
@@ -315,9 +314,8 @@ def test_an_announced_pause_holds_where_no_rates_are_known(
 ) -> None:
     pauses = FixedPauses({'injector': ((45.0, 75.0),)}, toy_limits.fixed, toy_limits.producer)
     began = 1000.0
-    twin = Twin(
-        toy_model, no_correction, photo_interval=30.0, assumed=toy_limits.safe(), pauses=pauses
-    )
+    rates = RateHistory(toy_limits.safe(), announced=pauses)
+    twin = Twin(toy_model, no_correction, photo_interval=30.0, rates=rates)
     rests = {}
     for time in (0.0, 30.0, 60.0, 90.0):
         cycle = twin.cycle(empty(began + time))
@@ -329,10 +327,9 @@ def test_an_announced_pause_holds_where_no_rates_are_known(
     assert rests == {0.0: [], 30.0: [False], 60.0: [False, True], 90.0: [True, False]}
     stopped = [KnownRates(began + 90.0, began + 120.0, {})]
     assert twin.cycle(empty(began + 120.0), stopped).pumped == {}
-    restarted = Twin(
-        toy_model, no_correction, photo_interval=30.0, assumed=toy_limits.safe(), pauses=pauses
-    )
-    restarted.set_start(began)
+    rates = RateHistory(toy_limits.safe(), announced=pauses)
+    rates.told_start = began
+    restarted = Twin(toy_model, no_correction, photo_interval=30.0, rates=rates)
     assert restarted.cycle(empty(began + 60.0)).pumped['injector'].rate == 0.0
 
 
@@ -341,7 +338,7 @@ def test_a_setpoint_that_the_rig_rejects_does_not_count_as_pumped(make_twin: Mak
     first = twin.cycle(empty(0.0))
     assert first.setpoint is not None
     second = twin.decide(Observation(30.0, np.full(SHAPE, 0.2)))
-    twin.reject_setpoint(second)
+    twin.choice.reject(second)
     twin.look_ahead(second)
     assert second.forecast is not None
     assert second.forecast.rates == second.pumped == first.setpoint.rates
@@ -482,7 +479,8 @@ def test_a_setpoint_lets_the_wells_rest_that_pause(
     pauses = FixedPauses({'injector': ((45.0, 75.0),)}, toy_limits.fixed, toy_limits.producer)
     limits = replace(toy_limits, pausing=frozenset({'injector'}))
     controller = replace(toy_controller, limits=limits)
-    twin = Twin(toy_model, no_correction, photo_interval=30.0, controller=controller, pauses=pauses)
+    rates = RateHistory(limits.safe(), announced=pauses)
+    twin = Twin(toy_model, no_correction, photo_interval=30.0, controller=controller, rates=rates)
     found = {}
     for time in (0.0, 30.0, 60.0, 90.0):
         setpoint = twin.cycle(empty(time)).setpoint

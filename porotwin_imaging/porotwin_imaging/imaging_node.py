@@ -119,7 +119,7 @@ class ImagingNode(TwinNode):
                 with self._diagnostics.busy(f'photograph of {time_in_words(time)}', LONGEST_WORK_S):
                     state = self._session.add_photo(time, data)
                 self._publish(state)
-            elif warning := self._session.keep_waiting(time, data):
+            elif warning := self._session.waiting.add(time, data):
                 self._complain(warning, time)
         except InputError as error:
             self._complain(f'{role} photograph of {time_in_words(time)} left out: {error}', time)

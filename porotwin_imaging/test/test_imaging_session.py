@@ -21,7 +21,7 @@ def test_a_photograph_needs_a_baseline(session, laboratory, no_tracer) -> None:
 
 
 def test_waiting_photographs_are_released_by_the_baseline(session, empty_photograph) -> None:
-    assert session.keep_waiting(1.0, b'one').startswith('no baseline yet')
+    assert session.waiting.add(1.0, b'one').startswith('no baseline yet')
     assert session.add_baseline(empty_photograph) == [(1.0, b'one')]
 
 

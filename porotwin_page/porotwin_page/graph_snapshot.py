@@ -233,7 +233,6 @@ class Health:
         message: one line.
         arrival: time of the last report of the node itself, on this machine's steady clock [s].
         present: whether the node is in the graph; None if it never was.
-        gap: time between its last two reports [s]; 0 before the second one.
         ended: whether it said that it leaves, because its work is over.
     """
 
@@ -241,7 +240,6 @@ class Health:
     message: str
     arrival: float
     present: bool | None = None
-    gap: float = 0.0
     ended: bool = False
 
 
@@ -376,21 +374,6 @@ def matching(maps: Iterable[Map], time: float) -> Map | None:
     return found
 
 
-def with_rig(now: GraphSnapshot, rig: Rig) -> GraphSnapshot:
-    """Return the snapshot with a description of the rig."""
-    return replace(now, rig=rig)
-
-
-def with_began(now: GraphSnapshot, began: float) -> GraphSnapshot:
-    """Return the snapshot with the start of the experiment [s]."""
-    return replace(now, began=began)
-
-
-def with_preparation(now: GraphSnapshot, preparation: str) -> GraphSnapshot:
-    """Return the snapshot with a text on the work before the graph runs."""
-    return replace(now, preparation=preparation)
-
-
 def _numbered(now: GraphSnapshot, map_: Map) -> tuple[GraphSnapshot, Map]:
     number = now.maps_made + 1
     return replace(now, maps_made=number), replace(map_, number=number)
@@ -433,11 +416,6 @@ def with_corrected(now: GraphSnapshot, map_: Map) -> GraphSnapshot:
     """Return the snapshot with a corrected forecast."""
     now, map_ = _numbered(now, map_)
     return replace(now, corrected=(*now.corrected, map_)[-FORECASTS_KEPT:])
-
-
-def with_expectation(now: GraphSnapshot, expected: Expectation) -> GraphSnapshot:
-    """Return the snapshot with a forecast of the siblings."""
-    return replace(now, expected=expected)
 
 
 def with_setpoint(now: GraphSnapshot, setpoint: Setpoint) -> GraphSnapshot:
@@ -485,16 +463,6 @@ def with_graph_time(now: GraphSnapshot, graph: float | None, clock: float) -> Gr
         return now
     now = _with_line(now, clock, Event.EXPIRED, setpoint.sequence, now.safe_rates)
     return replace(now, expired=setpoint.sequence)
-
-
-def with_offer(now: GraphSnapshot, offer: MendOffer) -> GraphSnapshot:
-    """Return the snapshot with the newest offer to mend the model."""
-    return replace(now, offer=offer)
-
-
-def with_alarm(now: GraphSnapshot, alarm: str) -> GraphSnapshot:
-    """Return the snapshot with a line on the publishers of setpoints; empty if all is well."""
-    return replace(now, alarm=alarm)
 
 
 def with_measured(
@@ -602,14 +570,8 @@ def with_health(now: GraphSnapshot, name: str, report: Health) -> GraphSnapshot:
     """Return the snapshot with the report of a node, or of the supervisor on its silence."""
     before = now.health.get(name)
     if before is not None:
-        reported = before.level is not Level.QUIET
-        silent = report.level is Level.SILENT
-        report = replace(
-            report,
-            present=before.present,
-            arrival=before.arrival if silent else report.arrival,
-            gap=report.arrival - before.arrival if reported and not silent else before.gap,
-        )
+        arrival = before.arrival if report.level is Level.SILENT else report.arrival
+        report = replace(report, present=before.present, arrival=arrival)
     return replace(now, health=_newest_nodes({**now.health, name: report}))
 
 

@@ -1,50 +1,30 @@
 """The health of the nodes, in words."""
 
-from porotwin_core.clock.photo_interval import SILENT_INTERVALS, USUAL_PHOTO_INTERVAL_S
+from porotwin_core.clock.freshness import STALE_AFTER_S
 from porotwin_page.graph_snapshot import GraphSnapshot, Health, Level
 from porotwin_page.json_values import Json, finite
 
 LONGEST_TEXT = 60
 """Characters of the worst report in the header of the page."""
 
-SILENT_AFTER_S = 10.0
-"""Nodes report every second; after this time without a report a node is silent [s]."""
-
+SUPERVISOR = 'supervisor'
+"""Name of the node that tells which others are silent, as long as it reports itself."""
 
 _ORDER = {'error': 0, 'silent': 1, 'warn': 2}
 _SYMBOLS = {'error': '✖', 'silent': '✖', 'warn': '▲'}
 
 
-def silent_after(report: Health, interval: float) -> float:
-    """Return the longest time [s] between two reports, after which the node counts as silent.
-
-    Args:
-        report: its last report.
-        interval: time between photographs [s].
-    """
-    expected = max(SILENT_AFTER_S, SILENT_INTERVALS * report.gap)
-    return min(expected, max(SILENT_AFTER_S, SILENT_INTERVALS * interval))
-
-
-def node_view(
-    name: str,
-    report: Health,
-    steady: float,
-    *,
-    finished: bool,
-    interval: float = USUAL_PHOTO_INTERVAL_S,
-) -> Json:
+def node_view(name: str, report: Health, steady: float, *, finished: bool, judged: bool) -> Json:
     """Return the line of one node.
 
-    A node that has left the graph is an error, unless it said so or the experiment is over. A node
-    without reports is silent, even if another node reports for it.
+    A node that has left the graph is an error, unless it said so or the experiment is over.
 
     Args:
         name: name of the node.
-        report: its last report.
+        report: its last report, or the supervisor's on its silence.
         steady: present time on this machine's steady clock [s].
         finished: whether the experiment is over.
-        interval: time between photographs [s].
+        judged: whether the supervisor judges who is silent; else a node without reports is.
     """
     if report.present is False:
         over = finished or report.ended
@@ -54,7 +34,7 @@ def node_view(
         return {'name': name, 'level': 'quiet', 'message': report.message, 'age_s': None}
     age = steady - report.arrival
     level, message = report.level, report.message
-    if level is not Level.SILENT and age > silent_after(report, interval):
+    if level is not Level.SILENT and not judged and age > STALE_AFTER_S:
         level, message = Level.SILENT, f'silent; last said: {message}'
     return {'name': name, 'level': level.value, 'message': message, 'age_s': finite(age, 3)}
 
@@ -62,9 +42,10 @@ def node_view(
 def nodes_view(snapshot: GraphSnapshot, steady: float) -> list[Json]:
     """Return the lines of all nodes, errors and warnings first; `steady` as in `node_view`."""
     finished = snapshot.finished is not None
-    interval = snapshot.photo_interval or USUAL_PHOTO_INTERVAL_S
+    supervisor = snapshot.health.get(SUPERVISOR)
+    judged = supervisor is not None and steady - supervisor.arrival <= STALE_AFTER_S
     lines = [
-        node_view(name, report, steady, finished=finished, interval=interval)
+        node_view(name, report, steady, finished=finished, judged=judged)
         for name, report in snapshot.health.items()
     ]
     return sorted(lines, key=lambda line: _ORDER.get(line['level'], len(_ORDER)))

@@ -74,16 +74,6 @@ NODES_PERIOD = 2.0
 
 SETPOINT_TOPIC = 'wells/setpoint'
 
-OFFER_STATES = {
-    MendOffer.OFFERED: 'offered',
-    MendOffer.ACCEPTED: 'accepted',
-    MendOffer.REFUSED: 'refused',
-    MendOffer.TAKEN_BACK: 'taken back',
-    MendOffer.EXPIRED: 'expired',
-}
-"""States of an offer in words."""
-
-
 ANSWER_TIMEOUT = 20.0
 """Longest wait for the outlook of proposed rates [s]; the siblings take about a second."""
 
@@ -110,11 +100,11 @@ class PageNode(TwinNode):
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
         self._knows_rig = bool(rig)
         if self._simulated:
-            self._store.update(graph_snapshot.with_began, 0.0)
+            self._store.update(replace, began=0.0)
         if rig:
-            self._store.update(graph_snapshot.with_rig, load_rig(rig))
+            self._store.update(replace, rig=load_rig(rig))
         preparation = declare(self, 'preparation', '', 'text on the work before the graph runs')
-        self._store.update(graph_snapshot.with_preparation, preparation)
+        self._store.update(replace, preparation=preparation)
         address_text = declare(
             self, 'address', '127.0.0.1:8765', 'HOST:PORT of the page; host 0.0.0.0: for phones too'
         )
@@ -219,10 +209,10 @@ class PageNode(TwinNode):
 
     def _on_rig(self, message: RigDescription) -> None:
         if not self._knows_rig:  # the message tells no pauses, the file does
-            self._store.update(graph_snapshot.with_rig, conversions.rig_from_msg(message))
+            self._store.update(replace, rig=conversions.rig_from_msg(message))
 
     def _on_experiment(self, message: Header) -> None:
-        self._store.update(graph_snapshot.with_began, conversions.time_from_msg(message.stamp))
+        self._store.update(replace, began=conversions.time_from_msg(message.stamp))
 
     def _map(self, message: TracerField) -> graph_snapshot.Map:
         concentration, grid = conversions.tracer_from_msg(message)
@@ -306,21 +296,22 @@ class PageNode(TwinNode):
         self._store.update(graph_snapshot.with_cycle, point)
 
     def _on_forecast(self, message: Forecast) -> None:
-        self._store.update(graph_snapshot.with_expectation, self._expectation(message))
+        self._store.update(replace, expected=self._expectation(message))
 
     def _on_offer(self, message: MendOffer) -> None:
         if not 0.0 <= message.confidence <= 1.0:
             raise InputError(f'its confidence {message.confidence:g} is not from 0 to 1')
+        state, is_open = conversions.offer_state_from_msg(message)
         offer = graph_snapshot.MendOffer(
             sequence=message.sequence,
-            state=OFFER_STATES.get(message.state, 'unknown'),
-            is_open=message.state == MendOffer.OFFERED and len(message.effects) > 0,
+            state=state,
+            is_open=is_open,
             time=conversions.time_from_msg(message.header.stamp),
             confidence=message.confidence,
             sentence=message.sentence,
             report=message.report,
         )
-        self._store.update(graph_snapshot.with_offer, offer)
+        self._store.update(replace, offer=offer)
 
     def _expectation(self, message: Forecast) -> Expectation:
         """Return a forecast of the siblings with the outlines of the plume at its end.
@@ -368,7 +359,7 @@ class PageNode(TwinNode):
             if namespace == self.get_namespace() and not name.startswith('_')
         ]
         self._store.update(graph_snapshot.with_nodes, names, time.monotonic())
-        self._store.update(graph_snapshot.with_alarm, self._doubt_on_publishers())
+        self._store.update(replace, alarm=self._doubt_on_publishers())
         self._store.update(graph_snapshot.with_graph_time, self._graph_time(), time.time())
         self._complaints.look()
         count, workers = self._application.streams, self._application.workers

@@ -41,7 +41,7 @@ from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.json_values import Json
 from porotwin_page.map_pictures import Theme
 from porotwin_page.mend_answer import MendAnswer, parse_mend_answer
-from porotwin_page.panel import MapPanel, Moment, Panel
+from porotwin_page.panel import MapPanel, Moment
 from porotwin_page.panel_registry import all_panels
 from porotwin_page.past_states import PastStates
 from porotwin_page.proposal import parse_proposal
@@ -148,7 +148,6 @@ class PageApplication:
         ask: asks for the forecast with proposed rates; unavailable by default.
         mend: passes answers to offers on; unavailable by default.
         past: holds earlier states; an empty one by default.
-        panels: panels by name; all panels of the registry by default.
         rigs: the rigs to choose from.
         settings: timing of the streams.
 
@@ -167,7 +166,6 @@ class PageApplication:
         ask: AskFn = nobody_to_ask,
         mend: MendFn = nobody_to_mend,
         past: PastStates | None = None,
-        panels: Mapping[str, Panel] | None = None,
         rigs: RigList = NO_RIGS,
         settings: StreamSettings | None = None,
     ) -> None:
@@ -182,7 +180,7 @@ class PageApplication:
         self._clock = clock
         self._access = access
         self._past = PastStates(most=0) if past is None else past
-        self._panels = all_panels() if panels is None else panels
+        self._panels = all_panels()
         self._settings = settings or StreamSettings()
         self._run = uuid.uuid4().hex[:8]
 

@@ -1,6 +1,7 @@
 """Data that arrive at the page in a short experiment on the paper's small rig."""
 
 import math
+from dataclasses import replace
 from functools import reduce
 from pathlib import Path
 
@@ -114,7 +115,7 @@ def after(*steps: tuple) -> GraphSnapshot:
 def two_cycles() -> GraphSnapshot:
     """Return the snapshot after two photographs, the second 0.2 above its forecast."""
     return after(
-        (snapshot.with_rig, RIG),
+        (replace, {'rig': RIG}),
         (snapshot.with_observed_state, observed_state(1)),
         (snapshot.with_predicted, map_at(START + 30.0, 0.30)),
         (snapshot.with_corrected, map_at(START + 30.0, 0.25)),

@@ -43,12 +43,9 @@ def test_the_safe_rates_may_be_confirmed_after_the_end_of_a_setpoint() -> None:
 @pytest.mark.parametrize(
     ('changed', 'words'),
     [
-        ({'control1': 470.0}, '350.0 ml/h more goes in than out'),
-        ({'producer': -1000.0}, '380.0 ml/h more comes out than goes in'),
-        ({'injector': -500.0, 'producer': 380.0}, 'injector injects, but -500.0 ml/h takes out'),
-        ({'producer': 620.0}, 'producer takes out'),
-        ({'injector': 8.33, 'producer': -128.33}, 'injector runs at 500 ml/h all the time'),
-        ({'control1': 600.0, 'producer': -1100.0}, 'control1 is above its limit of 500 ml/h'),
+        ({'control1': 470.0}, '350 ml/h more is injected than produced'),
+        ({'producer': -1000.0}, '380 ml/h more is produced than injected'),
+        ({'control1': 600.0, 'producer': -1100.0}, 'control1 at 600.0 ml/h is above its limit of'),
     ],
 )
 def test_odd_rates_are_a_question_and_recorded_if_the_operator_is_sure(changed, words) -> None:
@@ -60,15 +57,8 @@ def test_odd_rates_are_a_question_and_recorded_if_the_operator_is_sure(changed, 
     assert {well: ml_h(sure.rates)[well] for well in changed} == pytest.approx(changed)
 
 
-def test_round_off_of_a_display_is_no_imbalance() -> None:
-    parse(body(control1=120.1), two_cycles())
-
-
-def test_without_a_description_of_the_rig_the_setpoint_bounds_the_rates() -> None:
-    unknown = replace(two_cycles(), rig=None)
-    parse(body(control1=6000.0), unknown)
-    with pytest.raises(InputError, match='beyond this rig'):
-        parse(body(control1=6201.0), unknown)
+def test_without_a_description_of_the_rig_the_operator_node_judges_the_rates() -> None:
+    assert parse(body(control1=-6000.0), replace(two_cycles(), rig=None)).rates['control1'].rate < 0
 
 
 @pytest.mark.parametrize(
@@ -120,8 +110,9 @@ def test_a_number_beyond_all_floats_is_refused() -> None:
         (body(control1=float('nan')), 'rate nan'),
         (body(control1=False), 'rate False'),
         (body(control1=10**400), 'is not a number'),
-        (body(injector=1e300), 'beyond this rig, whose rates lie within 2000 ml/h'),
-        (body(injector=-1e9), 'beyond this rig'),
+        (body(injector=1e300), '1e+300 ml/h is not plausible'),
+        ({**body(injector=-500.0, producer=380.0), 'sure': True}, 'wrong sign'),
+        ({**body(producer=620.0), 'sure': True}, 'wrong sign'),
         (body(**{'x' * 500: 1.0}), 'is not in setpoint 2'),
     ],
 )

@@ -65,7 +65,7 @@ def test_an_interruption_drops_the_forecasts_and_adds_a_mark() -> None:
 
 def test_a_new_experiment_drops_maps_and_curves_but_not_the_rates_at_the_pumps() -> None:
     now = snapshot.with_measured(two_cycles(), rates(100.0), by_person=True)
-    now = snapshot.with_expectation(now, expectation())
+    now = replace(now, expected=expectation())
     now = snapshot.with_new_experiment(now, START + 600.0)
     assert now.observed is None
     assert now.expected is None
@@ -135,7 +135,7 @@ def test_a_restarted_hub_ends_the_confirmation() -> None:
 
 
 def test_setpoints_expiries_and_reports_are_logged_with_clock_times() -> None:
-    now = snapshot.with_rig(two_cycles(), RIG)
+    now = replace(two_cycles(), rig=RIG)
     now = snapshot.with_measured(now, rates(100.0), by_person=True, clock=START + 40.0)
     for seconds in (119.0, 121.0, 123.0):
         now = snapshot.with_graph_time(now, START + seconds, START + seconds)
@@ -157,7 +157,7 @@ def test_another_nodes_word_on_a_silent_node_is_no_report_of_its_own() -> None:
         (snapshot.with_health, 'hub', Health(Level.OK, 'well', 11.0)),
         (snapshot.with_health, 'hub', Health(Level.SILENT, 'no report for 9 s', 20.0)),
     )
-    assert now.health['hub'] == Health(Level.SILENT, 'no report for 9 s', 11.0, gap=1.0)
+    assert now.health['hub'] == Health(Level.SILENT, 'no report for 9 s', 11.0)
 
 
 def test_the_photo_interval_is_the_longer_of_recorded_and_measured() -> None:

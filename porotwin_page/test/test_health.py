@@ -5,7 +5,7 @@ from page_examples import after
 
 from porotwin_page import graph_snapshot as snapshot
 from porotwin_page.graph_snapshot import Health, Level
-from porotwin_page.health import LONGEST_TEXT, nodes_view, silent_after, worst_view
+from porotwin_page.health import LONGEST_TEXT, nodes_view, worst_view
 
 
 def test_errors_and_warnings_come_first_and_an_absent_node_is_an_error() -> None:
@@ -16,7 +16,7 @@ def test_errors_and_warnings_come_first_and_an_absent_node_is_an_error() -> None
         (snapshot.with_nodes, ['hub', 'costa', 'solver', 'camera'], 11.0),
         (snapshot.with_nodes, ['hub', 'costa', 'camera'], 13.0),
     )
-    lines = nodes_view(now, 19.0)
+    lines = nodes_view(now, 14.0)
     assert [(line['name'], line['level']) for line in lines] == [
         ('solver', 'error'),
         ('costa', 'warn'),
@@ -24,7 +24,7 @@ def test_errors_and_warnings_come_first_and_an_absent_node_is_an_error() -> None
         ('hub', 'ok'),
     ]
     assert lines[0]['message'] == 'not running'
-    assert lines[1]['age_s'] == pytest.approx(9.0)
+    assert lines[1]['age_s'] == pytest.approx(4.0)
 
 
 def test_a_command_that_looked_at_the_graph_and_ended_is_no_fault() -> None:
@@ -62,31 +62,24 @@ def test_after_the_experiment_a_node_may_end() -> None:
 
 
 @pytest.mark.parametrize(
-    ('gap', 'interval', 'limit'),
-    [
-        (0.0, 30.0, 10.0),
-        (1.0, 30.0, 10.0),
-        (20.0, 30.0, 40.0),
-        (5.0, 30.0, 10.0),
-        (20.0, 1.0, 10.0),
-    ],
+    ('supervised_at', 'level'), [(None, 'silent'), (1.0, 'silent'), (7.5, 'ok')]
 )
-def test_silence_is_judged_by_the_reports_before_and_by_two_intervals(gap, interval, limit) -> None:
-    assert silent_after(Health(Level.OK, '', 0.0, gap=gap), interval) == limit
-
-
-def test_a_node_that_no_longer_reports_is_silent_though_nobody_says_so() -> None:
+def test_the_page_judges_who_is_silent_only_where_the_supervisor_does_not(
+    supervised_at: float | None, level: str
+) -> None:
     now = after(
         (snapshot.with_nodes, ['hub'], 0.0),
-        (snapshot.with_health, 'hub', Health(Level.OK, 'state 2 done', 1.0)),
         (snapshot.with_health, 'hub', Health(Level.OK, 'state 3 done', 2.0)),
-        (snapshot.with_nodes, ['hub'], 11.0),
     )
-    assert nodes_view(now, 11.9)[0]['level'] == 'ok'
-    (line,) = nodes_view(now, 12.1)
-    assert (line['level'], line['message']) == ('silent', 'silent; last said: state 3 done')
-    assert line['age_s'] == pytest.approx(10.1)
-    assert worst_view([line])['level'] == 'error'
+    if supervised_at is not None:
+        report = Health(Level.OK, 'all nodes report', supervised_at)
+        now = snapshot.with_health(now, 'supervisor', report)
+    found = {line['name']: line for line in nodes_view(now, 8.0)}
+    assert found['hub']['level'] == level
+    assert found['hub']['age_s'] == pytest.approx(6.0)
+    assert worst_view([found['hub']])['level'] == ('error' if level == 'silent' else 'ok')
+    told = snapshot.with_health(now, 'hub', Health(Level.SILENT, 'silent for 6 s: it hangs', 8.0))
+    assert nodes_view(told, 8.0)[0]['level'] == 'silent'
 
 
 def node(name: str, level: str, message: str = 'fast') -> dict:

@@ -17,15 +17,15 @@ def test_before_the_first_offer_the_panel_is_hidden() -> None:
 
 
 def test_an_open_offer_waits_for_an_answer_and_a_notice_does_not() -> None:
-    shown = content('mend', snapshot.with_offer(two_cycles(), OFFER))
+    shown = content('mend', replace(two_cycles(), offer=OFFER))
     assert (shown['sequence'], shown['open'], shown['confidence_percent']) == (3, True, 97)
-    notice = snapshot.with_offer(two_cycles(), replace(OFFER, is_open=False))
+    notice = replace(two_cycles(), offer=replace(OFFER, is_open=False))
     assert not content('mend', notice)['open']
 
 
 def test_an_offer_with_a_report_has_a_link_to_it() -> None:
     for report in ('', '/runs/diagnosis_01/report.html'):
-        offered = snapshot.with_offer(two_cycles(), replace(OFFER, report=report))
+        offered = replace(two_cycles(), offer=replace(OFFER, report=report))
         assert content('mend', offered)['report'] is bool(report)
 
 

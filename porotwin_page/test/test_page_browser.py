@@ -213,7 +213,7 @@ def test_the_button_confirms_with_other_rates(in_browser) -> None:
     async def work(scene: Scene, tab: Tab) -> None:
         await tab.until("!document.querySelector('#done').disabled")
         await tab.value(
-            "document.querySelector('#other-rates input[name=control1]').value = '118.5';"
+            "document.querySelector('#other-rates input[name=control1]').value = '68.5';"
             "document.querySelector('#done').focus()"
         )
         enter = {'key': 'Enter', 'code': 'Enter', 'windowsVirtualKeyCode': 13, 'text': '\r'}
@@ -224,7 +224,7 @@ def test_the_button_confirms_with_other_rates(in_browser) -> None:
         await tab.until("document.querySelector('#answer').textContent === 'setpoint 2 confirmed'")
         (given,) = scene.confirmed
         assert given.sequence == 2
-        assert given.rates == {**rates(120.0), 'control1': rates(118.5)['control1']}
+        assert given.rates == {**rates(120.0), 'control1': rates(68.5)['control1']}
         await tab.until("document.querySelector('#done').textContent.includes('Confirmed')")
 
     in_browser(work)

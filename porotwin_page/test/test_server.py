@@ -8,6 +8,7 @@ import socket
 import threading
 import urllib.request
 from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
@@ -149,7 +150,7 @@ def test_the_report_on_an_offer_is_served_and_no_other_file(tmp_path: Path) -> N
         assert (await client.get('/report')).status == 404
         for path, status in ((report, 200), (other, 404), (tmp_path / 'x' / 'report.html', 404)):
             offer = snapshot.MendOffer(1, 'offered', True, START, 0.9, 'a leak', str(path))
-            scene.store.update(snapshot.with_offer, offer)
+            scene.store.update(replace, offer=offer)
             response = await client.get('/report')
             assert response.status == status
             assert ('a leak' in await response.text()) is (status == 200)
@@ -172,7 +173,7 @@ def test_a_file_that_is_no_file_is_not_served_and_stops_nothing(tmp_path: Path) 
             elif path is not fifo:
                 path.symlink_to('/dev/zero')
             offer = snapshot.MendOffer(1, 'offered', True, START, 0.9, 'a leak', str(path))
-            scene.store.update(snapshot.with_offer, offer)
+            scene.store.update(replace, offer=offer)
             async with asyncio.timeout(20.0):
                 answers = await asyncio.gather(*(client.get('/report') for _ in range(20)))
                 assert [answer.status for answer in answers] == [404] * 20
@@ -296,7 +297,7 @@ def test_odd_rates_are_answered_with_a_question_and_recorded_after_a_yes() -> No
         body = {'sequence': 2, 'rates_ml_h': {**AS_SHOWN['rates_ml_h'], 'control1': 470.0}}
         response = await client.post('/confirm', json=body, headers=BEARER)
         assert response.status == 409
-        assert '350.0 ml/h more goes in than out' in (await response.json())['question']
+        assert '350 ml/h more is injected than produced' in (await response.json())['question']
         assert scene.confirmed == []
         response = await client.post('/confirm', json={**body, 'sure': True}, headers=BEARER)
         assert response.status == 200
@@ -445,7 +446,7 @@ def test_an_event_has_only_the_panels_that_changed() -> None:
         async with stream(client) as response:
             first = await next_event(response)
             assert first['panels'].keys() >= {'observed', 'pump_settings', 'setpoint_log'}
-            scene.store.update(snapshot.with_rig, RIG)
+            scene.store.update(replace, rig=RIG)
             assert (await next_event(response))['panels'].keys() == set()
 
     with_client(work)

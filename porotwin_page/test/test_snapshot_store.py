@@ -2,6 +2,7 @@
 
 import gc
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 from page_examples import RIG, START, point, rates
@@ -56,7 +57,7 @@ def feed(store: SnapshotStore, past: PastStates, cycles: range) -> None:
 
 def test_memory_after_the_first_hour_grows_by_the_points_of_the_curves_alone() -> None:
     store, past = SnapshotStore(), PastStates()
-    store.update(snapshot.with_rig, RIG)
+    store.update(replace, rig=RIG)
     tracemalloc.start()
     try:
         feed(store, past, range(1, FIRST_HOUR + 1))

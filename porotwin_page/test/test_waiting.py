@@ -16,7 +16,7 @@ def test_before_the_first_message_it_names_everything() -> None:
 
 
 def test_it_names_what_is_still_missing() -> None:
-    now = after((snapshot.with_rig, RIG), (snapshot.with_nodes, ['camera'], 0.0))
+    now = after((replace, {'rig': RIG}), (snapshot.with_nodes, ['camera'], 0.0))
     assert content('waiting', now) == [
         'the first photograph, from the node camera',
         'the first setpoint, from the nodes hub and guard',
@@ -27,7 +27,7 @@ def test_it_names_what_is_still_missing() -> None:
 
 
 def test_the_preparation_of_a_demo_comes_first() -> None:
-    now = snapshot.with_preparation(GraphSnapshot(), 'the demo trains COSTA')
+    now = replace(GraphSnapshot(), preparation='the demo trains COSTA')
     assert content('waiting', now)[0] == 'the demo trains COSTA'
     now = snapshot.with_observed_state(now, observed_state(1))
     assert 'the demo trains COSTA' not in content('waiting', now)

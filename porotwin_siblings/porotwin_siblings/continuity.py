@@ -34,6 +34,7 @@ def periods_until(
     if siblings.started and time <= siblings.time:
         siblings.begin_anew()
         rates.begin_anew(time)
+    rates.reach(time)
     periods = rates.periods(siblings.time, time) if siblings.started else ()
     rates.forget_before(time)
     if not interrupted:

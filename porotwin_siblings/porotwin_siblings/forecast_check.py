@@ -32,6 +32,25 @@ LEAST_AREA, LEAST_TRACER = 1e-4, 1e-7
 """Area [m^2] and volume of tracer [m^3] below which there is no front yet."""
 
 
+class FadingSquare:
+    """The mean square of errors, of which earlier ones fade; the usual one counts as some more."""
+
+    def __init__(self, usual: float, weight: float, memory: float) -> None:
+        """Know the `usual` error only, worth `weight` errors; each new one fades by `memory`."""
+        self._usual, self._weight, self._memory = weight * usual**2, weight, memory
+        self._squares = self._count = 0.0
+
+    def add(self, square: float) -> None:
+        """Take the square of an error."""
+        self._squares = self._memory * self._squares + square
+        self._count = self._memory * self._count + 1.0
+
+    @property
+    def mean(self) -> float:
+        """The mean square."""
+        return (self._usual + self._squares) / (self._weight + self._count)
+
+
 class ForecastCheck:
     """Follows the errors of a quantity, in forecasts that are CHECK_S old."""
 
@@ -43,25 +62,18 @@ class ForecastCheck:
             least: of the quantity; below it nothing is learnt.
         """
         self._usual, self._least = usual, least
-        self.begin_anew()
-
-    def begin_anew(self) -> None:
-        """Forget everything."""
-        self._squares, self._weight = 0.0, 0.0
+        self._errors = FadingSquare(usual, USUAL_WEIGHT, MEMORY)
 
     def compare(self, expected: float, seen: float) -> None:
         """Take the quantity in the zone that was `expected`, and the one that is `seen`."""
         larger = max(expected, seen)
-        if not larger > self._least:  # also without a zone, where both are NaN
-            return
-        self._squares = MEMORY * self._squares + (seen - expected) ** 2 / larger
-        self._weight = MEMORY * self._weight + 1.0
+        if larger > self._least:  # without a zone both are NaN
+            self._errors.add((seen - expected) ** 2 / larger)
 
     @property
     def error(self) -> float:
         """Error over the root of the quantity."""
-        squares = USUAL_WEIGHT * self._usual**2 + self._squares
-        return math.sqrt(squares / (USUAL_WEIGHT + self._weight))
+        return math.sqrt(self._errors.mean)
 
     def widened(self, band: FloatArray, times: FloatArray) -> FloatArray:
         """Return a wider band.

@@ -15,7 +15,7 @@ from scipy.ndimage import grey_dilation, grey_erosion
 
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.effect_parameter import HALF_INTERVAL
-from porotwin_siblings.forecast_check import CHECK_S
+from porotwin_siblings.forecast_check import CHECK_S, FadingSquare
 
 USUAL_MISS_M = 1e-3
 """Miss of a front that the other widening covers [m]."""
@@ -54,24 +54,17 @@ class FrontCheck:
 
     def __init__(self) -> None:
         """Know nothing yet."""
-        self.begin_anew()
-
-    def begin_anew(self) -> None:
-        """Forget everything."""
-        self._squares, self._weight = 0.0, 0.0
+        self._misses = FadingSquare(USUAL_MISS_M, USUAL_WEIGHT, MEMORY)
 
     def compare(self, miss: float) -> None:
         """Take how far a front was from its forecast [m]; NaN: there was none."""
         if math.isfinite(miss):
-            self._squares = MEMORY * self._squares + miss**2
-            self._weight = MEMORY * self._weight + 1.0
+            self._misses.add(miss**2)
 
     @property
     def excess(self) -> float:
         """The miss beyond the usual one [m]."""
-        squares = USUAL_WEIGHT * USUAL_MISS_M**2 + self._squares
-        mean = squares / (USUAL_WEIGHT + self._weight)
-        return math.sqrt(max(mean - USUAL_MISS_M**2, 0.0))
+        return math.sqrt(max(self._misses.mean - USUAL_MISS_M**2, 0.0))
 
     def distances(self, times: FloatArray) -> FloatArray:
         """Return how far the front may be from its forecast [m], 90 % of the time, (times,).

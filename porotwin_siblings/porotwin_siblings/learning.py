@@ -30,14 +30,13 @@ class Learning:
         inflation: factor on their spread, for causes that no sibling knows.
     """
 
-    def __init__(self, unknowns: Unknowns, grid: Grid, count: int, seed: int) -> None:
+    def __init__(self, unknowns: Unknowns, grid: Grid, count: int) -> None:
         """Begin with the belief before any photograph.
 
         Args:
             unknowns: what the siblings disagree on.
             grid: of the siblings.
             count: number of siblings.
-            seed: of their differences.
 
         Raises:
             InputError: there are too few siblings.
@@ -46,7 +45,7 @@ class Learning:
         self._grid = grid
         self._blocks = Blocks.of(grid)
         self._prior = Belief.independent(np.zeros(unknowns.count), np.ones(unknowns.count))
-        self._scores = standard_scores(unknowns.count, count, seed)
+        self._scores = standard_scores(unknowns.count, count, seed=1)
         self.begin_anew()
 
     def begin_anew(self) -> None:

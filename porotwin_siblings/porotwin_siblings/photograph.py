@@ -7,7 +7,7 @@ import numpy as np
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.model.state_filter import USUAL_RANDOM, USUAL_SYSTEMATIC
+from porotwin_core.model.state_filter import Seen
 
 
 class Photograph(NamedTuple):
@@ -23,10 +23,16 @@ class Photograph(NamedTuple):
     systematic: FloatArray
 
     @classmethod
-    def plain(cls, time: float, concentration: FloatArray) -> 'Photograph':
-        """Return a map (nz, nx) of unknown deviation."""
-        usual = np.full(concentration.shape, USUAL_RANDOM)
-        return cls(time, concentration, usual, USUAL_SYSTEMATIC * np.nan_to_num(concentration))
+    def of(
+        cls,
+        time: float,
+        concentration: FloatArray,
+        deviation: FloatArray | None = None,
+        systematic: FloatArray | None = None,
+    ) -> 'Photograph':
+        """Return a map (nz, nx) with its total and systematic `deviation`; None: not known."""
+        seen = Seen.of(concentration, deviation, systematic)
+        return cls(time, seen.concentration, seen.random, seen.systematic)
 
     def check(self) -> None:
         """Return if it can be learnt from.

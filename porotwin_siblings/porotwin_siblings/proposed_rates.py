@@ -1,28 +1,22 @@
 """Proposed rates: their checks, and the plan that they make beside the present one."""
 
 import itertools
-import math
 from collections.abc import Iterable, Sequence
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import DAY_S, to_ml_h
-from porotwin_core.rates.plausible_rates import refuse_too_great
-from porotwin_core.rates.rate_periods import SAME_RATE, same_rates
+from porotwin_core.basis.units import DAY_S
+from porotwin_core.rates.rate_periods import same_rates
+from porotwin_core.rates.told_rates import imbalance, other_fluids, refuse_impossible
 from porotwin_core.rates.wells import (
     RateStep,
     WellRate,
     net_rate,
-    net_rate_words,
     planned_rates,
 )
 from porotwin_core.rig import Rig
 
 LONGEST_HORIZON_S = DAY_S
 """Longest horizon of a forecast [s]: experiments last hours."""
-
-UNBALANCED_SHARE = 0.01
-"""Share of the injected water that may be missing at the producer of a proposal for a closed rig:
-measured rates never add up to zero exactly, and pumps differ by 1 %."""
 
 MOST_STEPS = 100
 """Most changes of a question: each costs every sibling a flow field or more."""
@@ -47,22 +41,6 @@ def check_steps(steps: Sequence[RateStep]) -> None:
             )
 
 
-def check_roles(steps: Sequence[RateStep], rig: Rig) -> None:
-    """Return if every control well injects in all `steps`, and the producer never does.
-
-    Raises:
-        InputError: a pump would have to run backwards.
-    """
-    if rig.control is None:
-        return
-    for name, rate in (item for step in steps for item in step.rates.items()):
-        told = f"proposal: well '{name}' at {to_ml_h(rate.rate):g} ml/h"
-        if name in rig.control.wells and rate.rate < -SAME_RATE:
-            raise InputError(f'{told}: a control well only injects; give 0 or more')
-        if name == rig.control.producer and rate.rate > SAME_RATE:
-            raise InputError(f'{told}: the producer never injects; give 0 or less, or leave it out')
-
-
 def check_balance(plan: Sequence[RateStep], present: Sequence[RateStep], rig: Rig) -> None:
     """Return if the proposed `plan` can be in a closed rig: as much is injected as produced.
 
@@ -75,13 +53,12 @@ def check_balance(plan: Sequence[RateStep], present: Sequence[RateStep], rig: Ri
         return
     held = [step.rates for step in present]
     for step in plan:
-        net = net_rate(step.rates)
-        pumped = math.fsum(abs(well.rate) for well in step.rates.values()) / 2.0
-        if abs(net) > UNBALANCED_SHARE * pumped and step.rates not in held:
+        words = imbalance(step.rates, rig)
+        if words and step.rates not in held:
             producer = rig.control.producer if rig.control is not None else None
             remedy = f'leave out {producer}, which then balances' if producer else 'balance them'
             raise InputError(
-                f'proposal: {net_rate_words(net)} from {step.start / 60.0:.4g} min after the state '
+                f'proposal: {words} from {step.start / 60.0:.4g} min after the state '
                 f'on, but all sides of the rig are closed; {remedy}, or open a side in rig.yaml'
             )
 
@@ -91,24 +68,16 @@ def concentration_note(plans: Iterable[Sequence[RateStep]], rig: Rig) -> str:
 
     It is no fault: a laboratory may dilute its tracer. But a slip looks the same.
     """
-    if rig.control is None:
-        return ''
-    usual = {name: well.concentration for name, well in rig.control.fixed.items()}
-    usual |= dict.fromkeys(rig.control.wells, 0.0)
     others = {
-        name: well.concentration
+        name: f'{name} injects a concentration of {step.rates[name].concentration:g} by the rates, '
+        f'{fluid:g} by rig.yaml'
         for plan in plans
         for step in plan
-        for name, well in step.rates.items()
-        if well.rate > SAME_RATE
-        and not math.isclose(well.concentration, usual.get(name, well.concentration))
+        for name, fluid in other_fluids(step.rates, rig).items()
     }
     if not others:
         return ''
-    told = ', '.join(
-        f'{name} injects a concentration of {found:g} by the rates, {usual[name]:g} by rig.yaml'
-        for name, found in others.items()
-    )
+    told = ', '.join(others.values())
     return f'note: {told}; the forecast follows the rates (0 is water, 1 is stock)'
 
 
@@ -125,7 +94,7 @@ def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:
             'correct it'
         )
     for step in steps:
-        refuse_too_great(step.rates, rig)
+        refuse_impossible(step.rates, rig)
         if not step.start >= 0.0:
             raise InputError(
                 f'proposal: a change {step.start:g} s after the state lies before the state; '

@@ -76,7 +76,6 @@ class Siblings:
         map_grid: Grid | None = None,
         count: int = 32,
         diagnosed: Sequence[Candidate] = (),
-        seed: int = 1,
     ) -> None:
         """Make siblings that know nothing yet.
 
@@ -87,7 +86,6 @@ class Siblings:
             map_grid: of the photographs' maps, which is no coarser; None: the same.
             count: number of siblings.
             diagnosed: effects that a diagnosis found.
-            seed: of their differences.
 
         Raises:
             InputError: too few siblings, or an effect that the rig cannot have.
@@ -98,17 +96,17 @@ class Siblings:
         self._zones = {one: ZoneMeasure.of(rig, one) for one in (grid, map_grid)}
         self._pores = rig.cell_pore_volume(map_grid)
         self._executor = executor
-        self.learning = Learning(self.unknowns, grid, count, seed)
+        self.learning = Learning(self.unknowns, grid, count)
         self._past: deque[_Moment] = deque()
         self._learnt = -math.inf
+        self._newest: _Standing | None = None
+        self._check_anew()
+
+    def _check_anew(self) -> None:
         self.area_check = ForecastCheck(USUAL_AREA, LEAST_AREA)
         self.tracer_check = ForecastCheck(USUAL_TRACER, LEAST_TRACER)
         self.front_check = FrontCheck()
-        self._filter = self._new_filter()
-        self._newest: _Standing | None = None
-
-    def _new_filter(self) -> StateFilter:
-        return StateFilter(self._pores, (self.map_grid.dz, self.map_grid.dx))
+        self._filter = StateFilter(self._pores, (self.map_grid.dz, self.map_grid.dx))
 
     @property
     def zone(self) -> ZoneMeasure:
@@ -144,10 +142,7 @@ class Siblings:
         """Forget everything."""
         self.interrupt()
         self.learning.begin_anew()
-        self.area_check.begin_anew()
-        self.tracer_check.begin_anew()
-        self.front_check.begin_anew()
-        self._filter = self._new_filter()
+        self._check_anew()
 
     def rate_factors(self) -> dict[str, tuple[float, float]]:
         """Return the rate factor of every well, and its standard deviation [-]."""

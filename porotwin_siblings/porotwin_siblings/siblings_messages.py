@@ -25,20 +25,10 @@ def photograph_from_msg(message: NewState, map_grid: Grid) -> Photograph:
         raise InputError(f'its map is {grid}, the siblings work on {map_grid}')
     if message.noise < 0.0 or np.isinf(message.noise):
         raise InputError(f'its noise is {message.noise:g}; send 0 or more, NaN when not known')
-    photograph = Photograph.plain(conversions.time_from_msg(message.header.stamp), values)
-    if deviation is not None and systematic is not None:
-        variance = np.maximum(deviation**2 - systematic**2, 0.0)
-        photograph = photograph._replace(
-            random=np.sqrt(_finite(variance)), systematic=np.nan_to_num(systematic)
-        )
+    time = conversions.time_from_msg(message.header.stamp)
+    photograph = Photograph.of(time, values, deviation, systematic)
     photograph.check()
     return photograph
-
-
-def _finite(values: FloatArray) -> FloatArray:
-    """Return `values` with the largest known one where they are not known."""
-    known = values[np.isfinite(values)]
-    return np.nan_to_num(values, nan=float(known.max()) if known.size else 0.0)
 
 
 def forecast_to_msg(outlook: Outlook, grid: Grid, water: str) -> Forecast:

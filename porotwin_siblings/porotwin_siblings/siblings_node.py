@@ -22,10 +22,10 @@ from porotwin_core.basis.parallel import MOST_WORKERS, YIELDING, LastingCrew, Th
 from porotwin_core.basis.units import MINUTE_S
 from porotwin_core.clock.freshness import stamp_doubts
 from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
-from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S, believed_start
+from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rate_periods import OPEN_HORIZON_S
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import EffectDescription
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
@@ -53,7 +53,6 @@ from porotwin_siblings.proposed_rates import (
     LONGEST_HORIZON_S,
     check_balance,
     check_proposal,
-    check_roles,
     check_steps,
     concentration_note,
     proposed_plan,
@@ -65,9 +64,6 @@ from porotwin_siblings.siblings_messages import (
 )
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 from porotwin_solver.model.water_balance import water_balance
-
-OPEN_END_S = 7200.0
-"""Horizon of an experiment without an end [s]."""
 
 MAPS = 2
 """Maps of a forecast: half way, and at its end."""
@@ -102,7 +98,7 @@ class SiblingsNode(TwinNode):
         self._horizon = declare(
             self,
             'horizon_s',
-            OPEN_END_S,
+            OPEN_HORIZON_S,
             'how far forecasts look ahead [s]',
             at_least=60.0,
             at_most=LONGEST_HORIZON_S,
@@ -161,9 +157,6 @@ class SiblingsNode(TwinNode):
         self._changed = threading.Condition()
         self._arrived: _Arrived | None = None
         self._interrupted = False
-        self._told_start: float | None = None
-        # simulated time counts from the start of the experiment
-        self._began = 0.0 if self._simulated else None
         self._forecast: Outlook | None = None
         self._diagnostics = Diagnostics(self)
         self._make_topics()
@@ -206,7 +199,6 @@ class SiblingsNode(TwinNode):
             on_state=self._on_state,
             on_clean_state=self._on_clean_state,
             on_effects=self._on_effects,
-            on_start=self._on_start,
         )
         # a question must not wait for messages, nor messages for its answer
         own = MutuallyExclusiveCallbackGroup()
@@ -221,9 +213,6 @@ class SiblingsNode(TwinNode):
     def _on_clean_state(self, message: CleanState) -> None:
         with self._changed:
             self._interrupted = True
-
-    def _on_start(self, time: float) -> None:
-        self._told_start = time
 
     def _on_effects(self, told: ToldEffects) -> None:
         with self._changed:
@@ -266,9 +255,6 @@ class SiblingsNode(TwinNode):
 
     def _learn(self, photograph: Photograph) -> None:
         siblings = self.siblings
-        self._began = believed_start(self._told_start, self._began, photograph.time)
-        with self._changed:
-            self._rates.pauses = FixedPauses.of(self._rig).since(self._began)
         if self._follow_effects(photograph):
             return
         with self._changed:
@@ -322,9 +308,9 @@ class SiblingsNode(TwinNode):
         It is to the end of the experiment where it is known, for `LONGEST_HORIZON_S` at most.
         """
         control = self._rig.control
-        if control is None or control.end_min is None or self._began is None:
+        if control is None or control.end_min is None or self._rates.began is None:
             return self._horizon
-        left = self._began + MINUTE_S * control.end_min - self.siblings.time
+        left = self._rates.began + MINUTE_S * control.end_min - self.siblings.time
         return min(left, LONGEST_HORIZON_S) if left > SAME_PHOTOGRAPH_S else self._horizon
 
     def _outlook(self, plan: Sequence[RateStep], horizon: float, *, quick: bool = False) -> Outlook:
@@ -369,7 +355,6 @@ class SiblingsNode(TwinNode):
         horizon = conversions.seconds_from_msg(request.horizon) or self._ahead()
         steps = conversions.plan_from_msg(request.proposed)
         check_steps(steps)
-        check_roles(steps, self._rig)
         check_proposal(steps, horizon, self._rig)
         with self._changed:
             held = self._rates.plan(self.siblings.time, horizon)

@@ -152,7 +152,7 @@ def test_a_photograph_that_hides_nearly_all_sand_tells_nothing(threads: Executor
     siblings.observe(photograph(0.0, np.zeros(fine.shape)))
     hidden = np.full(fine.shape, np.nan)
     hidden[3, 3] = 0.0
-    siblings.observe(Photograph.plain(300.0, hidden), [period(0.0, 300.0)])
+    siblings.observe(Photograph.of(300.0, hidden), [period(0.0, 300.0)])
     assert siblings.time == 300.0
     assert siblings.learning.inflation == 1.0
     assert siblings.rate_factors()['injector'][0] == pytest.approx(1.0)

@@ -41,10 +41,6 @@ if TYPE_CHECKING:
     from porotwin_diagnosis.progress import Progress, WorkClock
     from porotwin_recording.experiment.recording import Recording
 
-LEAST_OFFERED = 0.5
-"""Least confidence of a verdict whose effects are offered for rig.yaml: below, another verdict is
-more probable."""
-
 
 def command(
     output: Annotated[Path, typer.Option(help='Folder for report, diagnosis.json and fields.nc.')],
@@ -289,6 +285,7 @@ def _left_in_words(clock: 'WorkClock') -> str:
 
 def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:
     """Tell how the effects of `verdict` reach the twin, or what `apply` has written."""
+    from porotwin_diagnosis.thresholds import OPEN_CONFIDENCE
     from porotwin_solver.effects import EFFECTS
 
     camera = ' and '.join(name for name in verdict.members if EFFECTS[name].is_of_camera)
@@ -298,14 +295,14 @@ def _tell_about_rig(verdict: 'Verdict', output: Path, *, apply: bool) -> None:
     elif not apply:
         if camera:
             say(f'{camera}: an effect of the camera; correct it at the camera')
-        elif verdict.confidence >= LEAST_OFFERED:
+        elif verdict.confidence > OPEN_CONFIDENCE:
             say(
                 'the same call with --apply diagnoses again, and also writes a rig.yaml with the '
                 'effect, for ./porotwin up --rig'
             )
     else:
         say(f'{output / "rig.yaml"}: the rig with {" and ".join(verdict.members)}')
-        if verdict.confidence < LEAST_OFFERED:
+        if verdict.confidence <= OPEN_CONFIDENCE:
             say(f'the confidence is only {percent(verdict.confidence)}: check before you use it')
         for names in verdict.alternatives:
             say(f'{" and ".join(names)} fits equally well: check before you use it')

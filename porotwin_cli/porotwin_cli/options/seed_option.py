@@ -4,14 +4,13 @@ from typing import Any
 
 import typer
 
-LARGEST_SEED = 2**32 - 1
-"""Largest seed that all generators of random numbers take; none takes a negative one."""
+from porotwin_core.ros.parameter_rule import LARGEST_WHOLE
 
 
 def seed_option(help_text: str) -> Any:
-    """Return the option of a seed.
+    """Return the option of a seed, whose range is that of the nodes.
 
     Args:
         help_text: the purpose of the seed.
     """
-    return typer.Option(help=help_text, min=0, max=LARGEST_SEED)
+    return typer.Option(help=help_text, min=0, max=LARGEST_WHOLE)

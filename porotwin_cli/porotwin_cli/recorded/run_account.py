@@ -4,7 +4,6 @@ import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,7 @@ from scipy.integrate import trapezoid
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray, Grid, relative_error
-from porotwin_core.rates.rate_periods import same_rates
-from porotwin_core.rates.safe_rates import safe_rates
+from porotwin_core.rates.rate_periods import orders_by_hand
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
 from porotwin_core.ros.from_messages import rates_from_msg, seconds_from_msg, time_from_msg
@@ -62,9 +60,9 @@ class RunAccount:
         self.setpoint_times.append(time)
         self.rates.append(rates_from_msg(message.wells))
 
-    def orders(self, safe: WellRates) -> int:
-        """Return how many setpoints have other rates than before; `safe` rates are the first."""
-        return sum(not same_rates(*pair) for pair in pairwise([safe, *self.rates]))
+    def orders(self, rig: Rig) -> int:
+        """Return how many setpoints a person has to set at the pumps of `rig`."""
+        return orders_by_hand(self.rates, rig)
 
     def add_state(self, time: float, message: Any) -> None:
         """Add a `NewState`."""
@@ -151,7 +149,7 @@ def summary(
         'disallowed_without_control_ml': float(without[-1] * ML),
         'dose_ml_min': _dose(controlled.times, with_control),
         'dose_without_control_ml_min': _dose(free.times, without),
-        'orders': account.orders(safe_rates(rig)),
+        'orders': account.orders(rig),
         'image_error': float(np.nanmedian(image_errors)) if image_errors else float('nan'),
         'prediction_error': float(np.median(plain)),
         'corrected_error': float(np.median(corrected)),

@@ -11,7 +11,7 @@ from porotwin_cli.running.live_diagnosis import POLL_S, SEARCH_S
 from porotwin_cli.running.live_node import listening, live_node, silent
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
-from porotwin_core.ros import qos
+from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.senders import LONGEST_SEARCH_S, TERMINAL
 from porotwin_core.ros.service_answer import twin_answer_within
@@ -23,15 +23,6 @@ from porotwin_page.mend_answer import LONGEST_ANSWER_S
 
 ANSWERS = 'mend/answer'
 """Service of the mend node."""
-
-STATES = {
-    MendOffer.OFFERED: 'offered',
-    MendOffer.ACCEPTED: 'accepted',
-    MendOffer.REFUSED: 'refused',
-    MendOffer.TAKEN_BACK: 'taken back',
-    MendOffer.EXPIRED: 'expired',
-}
-"""States of an offer in words."""
 
 
 @dataclass(frozen=True)
@@ -113,8 +104,7 @@ class MendDesk:
             return None
         return OfferShown(
             newest.sequence,
-            STATES.get(newest.state, 'unknown'),
-            newest.state == MendOffer.OFFERED and bool(newest.effects),
+            *conversions.offer_state_from_msg(newest),
             newest.sentence,
             newest.report,
         )
@@ -142,5 +132,5 @@ class MendDesk:
 
 def accept_all(desk: MendDesk, message: MendOffer) -> None:
     """Accept every offer at once: the operator of a demo."""
-    if message.state == MendOffer.OFFERED and message.effects:
+    if conversions.offer_state_from_msg(message)[1]:
         desk.send(message.sequence, accept=True)

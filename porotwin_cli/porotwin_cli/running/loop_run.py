@@ -13,8 +13,8 @@ from porotwin_cli.running.loop_rig import Eyes, LoopRig, LoopSettings
 from porotwin_cli.running.loop_scenario import LoopScenario
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.state_filter import StateFilter
-from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.rate_periods import KnownRates, same_rates
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rate_periods import OPEN_HORIZON_S, KnownRates, orders_by_hand
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
 from porotwin_guard.guard import Guard, SetpointRequest
@@ -27,9 +27,6 @@ from porotwin_hub.models.forecast import PhysicsModel, no_correction
 from porotwin_hub.operator.setpoint_expiry import SetpointDecision
 from porotwin_rig.limits import refuse_broken_limits
 from porotwin_solver.adjoint.grid_models import GridModels
-
-OPEN_HORIZON_S = 1800.0
-"""Horizon of a plan without a known end [s], as in the hub."""
 
 PLAN_PRESET = 'fast'
 """Numerical scheme of plans on their coarser grid, as the solver's node has it."""
@@ -96,10 +93,9 @@ def planning_twin(
         controller=plan_controller(
             rig, grid, models, horizon=OPEN_HORIZON_S, interval=scenario.photo_interval
         ),
-        began=0.0,
+        rates=RateHistory.of(rig, 0.0),
         state_filter=StateFilter(pores, (grid.dz, grid.dx)),
         learner=RateLearner(tuple(rig.wells), grid, closed=rig.closed),
-        pauses=FixedPauses.of(rig),
         watch=TracerWatch(rig, grid),
     )
 
@@ -140,7 +136,7 @@ def run_closed(
     """Return the figures of a scenario in closed loop."""
     rig, twin = LoopRig(scenario, settings), make_twin(scenario, settings)
     limits = Limits.of(scenario.rig)
-    judge = _Judge(scenario, limits)
+    judge = _Judge(scenario)
     operator = OperatorAtWork(scenario.operator, limits, seed=scenario.seed)
     known: list[KnownRates] = []
     model_runs, seconds = 0, []
@@ -177,22 +173,24 @@ def _pumped(
 class _Judge:
     """Counts orders, and setpoints that break a limit; guard and rig check them without the hub."""
 
-    def __init__(self, scenario: LoopScenario, limits: Limits) -> None:
-        self.orders = 0
+    def __init__(self, scenario: LoopScenario) -> None:
         self.violations = 0
         self._guard = Guard(scenario.rig, photo_interval=scenario.photo_interval)
         self._scenario = scenario
-        self._last: WellRates = limits.safe()
-        self._seen = 0
+        self._setpoints: list[WellRates] = []
+
+    @property
+    def orders(self) -> int:
+        """Number of the setpoints that a person has to set."""
+        return orders_by_hand(self._setpoints, self._scenario.rig)
 
     def see(self, setpoint: SetpointDecision, time: float) -> None:
         """Take a setpoint for the photograph at `time` [s]."""
-        self._seen += 1
-        if not same_rates(setpoint.rates, self._last):
-            self.orders += 1
-        self._last = setpoint.rates
+        self._setpoints.append(setpoint.rates)
         now = max(time, 1.0)  # the guard takes zero for a clock that stands still
-        request = SetpointRequest(self._seen, time, setpoint.valid_until, setpoint.rates, 'bench')
+        request = SetpointRequest(
+            len(self._setpoints), time, setpoint.valid_until, setpoint.rates, 'bench'
+        )
         try:
             self._guard.check(request, now=now)
             refuse_broken_limits(self._scenario.rig, setpoint.rates)

@@ -41,9 +41,6 @@ from porotwin_solver.service.effects_in_force import in_words
 FORECAST_S = 900.0
 """Length of the forecasts that are compared [s]: the plume moves by some centimetres."""
 
-ACCEPTED = 1
-"""State of an accepted offer, as in `MendOffer`."""
-
 Effects = tuple[EffectDescription, ...]
 
 

@@ -12,17 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_cli.options.experiment_times import MOST_TIMES
-from porotwin_cli.running.loop_run import OPEN_HORIZON_S
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.text_with_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
 from porotwin_core.clock.stamps import SAME_MOMENT_S
 from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.model.state_filter import Seen
 from porotwin_core.rates.bottle import Bottle, bottle_at
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.rate_periods import RatePeriod
+from porotwin_core.rates.rate_periods import OPEN_HORIZON_S, RatePeriod
 from porotwin_core.rates.wells import (
     RateStep,
     Schedule,
@@ -268,17 +266,18 @@ def study_what_if(
             that do not balance in a closed rig.
     """
     times = recording.times
+    unit = time_unit(times[-1])
     if start < times[0] - recording_step(times):
         raise InputError(
-            f'{recording.source}: its first map is from {_moment(times[0])}; give a later --at'
+            f'{recording.source}: its first map is from {unit.precise(times[0])}; give a later --at'
         )
     if len(times) < 2:
         raise InputError(
-            f'{recording.source}: has one map, from {_moment(times[0])}; a forecast needs more, '
-            'from which the siblings learn'
+            f'{recording.source}: has one map, from {unit.precise(times[0])}; a forecast needs '
+            'more, from which the siblings learn'
         )
     if start > times[-1] + recording_step(times):
-        last = _moment(times[-1])
+        last = unit.precise(times[-1])
         raise InputError(
             f'{recording.source}: its last map is from {last}; give --at {last.replace(" ", "")} '
             'or earlier'
@@ -291,8 +290,8 @@ def study_what_if(
     ahead = start + horizon - begin
     if not ahead > 0.0:  # the state is of the first map, which may be later than `start`
         raise InputError(
-            f'{recording.source}: its first map is from {_moment(begin)}, not before the end of '
-            'the horizon; give a longer --horizon or a later --at'
+            f'{recording.source}: its first map is from {unit.precise(begin)}, not before the end '
+            'of the horizon; give a longer --horizon or a later --at'
         )
     present = _present_plan(recording, begin, ahead)
     producer = recording.rig.control.producer if recording.rig.control is not None else None
@@ -373,10 +372,6 @@ def recording_step(times: FloatArray) -> float:
     return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
 
-def _moment(time: float) -> str:
-    return time_unit(time).precise(time)
-
-
 def _present_plan(recording: Recording, begin: float, ahead: float) -> tuple[RateStep, ...]:
     """Return the commanded rates from `begin` [s] over `ahead` [s], with the announced pauses.
 
@@ -412,12 +407,10 @@ def _learn(
 
 def _photograph(maps: ConcentrationMaps, number: int) -> Photograph:
     """Return a map with its deviations, as far as the recording has them."""
+    parts = (maps.deviation, maps.systematic)
+    told = [None if part is None else np.asarray(part[number], dtype=float) for part in parts]
     values = np.asarray(maps[number], dtype=float)
-    found = Photograph.plain(float(maps.times[number]), values)
-    if maps.deviation is None or maps.systematic is None:
-        return found
-    seen = Seen.of(values, *(np.asarray(one[number]) for one in (maps.deviation, maps.systematic)))
-    return found._replace(random=seen.random, systematic=seen.systematic)
+    return Photograph.of(float(maps.times[number]), values, *told)
 
 
 def objections_to(

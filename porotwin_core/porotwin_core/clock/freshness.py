@@ -36,6 +36,10 @@ DRIFT = 1e-4
 REMEMBERED_STAMPS = 100_000
 """Stamps that are known again when a photograph comes twice: a month of one every 30 s."""
 
+STALE_AFTER_S = 5.0
+"""Nodes report their health every second; one that is silent for longer is stale [s], as in
+diagnostic_aggregator."""
+
 
 class StampJudgement(NamedTuple):
     """The belief about the time of a photograph.

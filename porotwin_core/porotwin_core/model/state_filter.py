@@ -74,13 +74,17 @@ class Seen:
         deviation: FloatArray | None,
         systematic: FloatArray | None,
     ) -> 'Seen':
-        """Return a map (nz, nx) with its total and systematic `deviation`; None: not known."""
-        shown = np.clip(np.nan_to_num(concentration), 0.0, 1.0)
-        if systematic is None:
-            systematic = USUAL_SYSTEMATIC * shown
-        total = np.hypot(USUAL_RANDOM, systematic) if deviation is None else deviation
-        random = np.sqrt(np.maximum(np.nan_to_num(total) ** 2 - np.nan_to_num(systematic) ** 2, 0))
-        return cls(concentration, np.maximum(random, LEAST_RANDOM), np.nan_to_num(systematic))
+        """Return a map (nz, nx) with its total and systematic `deviation`; None, NaN: not known."""
+        usual = USUAL_SYSTEMATIC * np.clip(np.nan_to_num(concentration), 0.0, 1.0)
+        always = _known(systematic, usual)
+        total = _known(deviation, np.hypot(USUAL_RANDOM, always))
+        random = np.sqrt(np.maximum(total**2 - always**2, 0.0))
+        return cls(concentration, np.maximum(random, LEAST_RANDOM), always)
+
+
+def _known(values: FloatArray | None, usual: FloatArray) -> FloatArray:
+    """Return `values` (nz, nx), the `usual` ones where they are not known."""
+    return usual if values is None else np.where(np.isnan(values), usual, values)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ A rate in force follows from orders, confirmations and meters, the surest first:
 2. Confirmed rates count from their time until the next order is set, or the setpoint ends.
 3. A setpoint counts when the pumps have taken it. Pumps that set themselves take it at once. A
    person who has told when an order was set is expected to tell the next one too: until then the
-   rates before it count, for `MOST_DELAY_S` at most. Who has not told by then tells no more.
+   rates before it count, for `MOST_DELAY_S` at most. Who has not told by then tells no more. A
+   change that no hand sets is no order for a person (`same_by_hand`); such changes add up.
 4. A setpoint that has ended without a successor leaves the safe rates: the asset sets them itself.
 5. Where nothing was told, measured rates go on, else the safe rates are assumed.
 
@@ -34,10 +35,12 @@ from porotwin_core.clock.stamps import SAME_STAMP_S, believed_start
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.order_delay import MOST_DELAY_S, OrderDelay, OrdersAhead, WaitingOrder
 from porotwin_core.rates.rate_periods import (
+    SAME_RATE,
     KnownRates,
     RatePeriod,
     different_wells,
     joined,
+    same_by_hand,
     same_rates,
 )
 from porotwin_core.rates.safe_rates import safe_rates
@@ -101,6 +104,8 @@ class _Course:
     stretches: list[_Stretch]
     told: WellRates
     """The last order, or the rates that a person told to have set."""
+    by_hand: float = SAME_RATE
+    """Rates that differ by at most this are the same to a person [m^3/s]."""
     order: Order | None = None
     delay: OrderDelay = field(default_factory=OrderDelay)
 
@@ -137,7 +142,9 @@ class _Course:
 
     def _command(self, order: Order) -> None:
         last = self.stretches[-1]
-        if different_wells(order.rates, self.told):
+        same = self.by_hand if self.delay.a_person_tells else SAME_RATE
+        changed = different_wells(order.rates, self.told, same=same)
+        if changed:
             waiting = WaitingOrder(
                 order.start, order.rates, self.told, last.rates, last.known_at, self.wells
             )
@@ -148,7 +155,8 @@ class _Course:
                 self._go_on(_Stretch(order.start, order.rates, Source.COMMANDED))
         elif last.source in (Source.SAFE, Source.ASSUMED):
             self._go_on(_Stretch(order.start, order.rates, Source.COMMANDED))
-        self.order, self.told = order, order.rates
+        kept = {name: rate for name, rate in self.told.items() if name not in changed}
+        self.order, self.told = order, {**order.rates, **kept}
 
     def _confirm(self, known: KnownRates) -> None:
         found = self.delay.newest_set(known)
@@ -211,6 +219,8 @@ class RateHistory:
         safe: WellRates,
         control_wells: Sequence[str] = (),
         known_wells: Sequence[str] | None = None,
+        announced: FixedPauses = NO_PAUSES,
+        by_hand: float = SAME_RATE,
     ) -> None:
         """Know of no event.
 
@@ -218,6 +228,8 @@ class RateHistory:
             safe: rates [m^3/s] until any others are known, and after a setpoint has ended.
             control_wells: the wells that orders change.
             known_wells: all wells of the rig; None: any names will do.
+            announced: pauses of the fixed wells and levels, since the start of the experiment.
+            by_hand: rates that differ by at most this are the same to a person [m^3/s].
         """
         self._safe = safe
         self._known_wells = known_wells
@@ -227,24 +239,30 @@ class RateHistory:
         self.begins: float | None = None
         """Time of the first event, or of the first by this clock [s]; None: there is none."""
         start = _Stretch(-math.inf, safe, Source.ASSUMED)
-        self._first = _Course(safe, tuple(control_wells), [start], safe)
+        self._first = _Course(safe, tuple(control_wells), [start], safe, by_hand)
         """The course before all events that are kept."""
+        self._announced = announced
         self.pauses: FixedPauses = NO_PAUSES
-        """Announced pauses of the fixed wells, and levels of water."""
-        self.announced: FixedPauses = NO_PAUSES
-        """The same, from the start of the experiment on."""
+        """Announced pauses of the fixed wells, and levels of water, since `began`."""
         self.told_start: float | None = None
-        """The start of the experiment [s] that imaging told last."""
-        self._began: float | None = None
+        """Start of the experiment [s] as imaging told it last; None: it told none."""
+        self.began: float | None = None
+        """The start that is believed [s]; None: no state was reached yet."""
         self.most_events = MOST_EVENTS
         """Events that are kept one by one."""
 
     @classmethod
-    def of(cls, rig: Rig) -> 'RateHistory':
-        """Return the history of `rig` before its first event."""
+    def of(cls, rig: Rig, told_start: float | None = None) -> 'RateHistory':
+        """Return the history of `rig` before its first event; its start [s] may be known."""
         control_wells = rig.control.wells if rig.control is not None else ()
-        history = cls(safe_rates(rig), control_wells, tuple(rig.wells))
-        history.pauses = history.announced = FixedPauses.of(rig)
+        history = cls(
+            safe_rates(rig),
+            control_wells,
+            tuple(rig.wells),
+            FixedPauses.of(rig),
+            same_by_hand(rig),
+        )
+        history.told_start = told_start
         return history
 
     @property
@@ -267,15 +285,6 @@ class RateHistory:
             InputError: a well is unknown.
         """
         self._add(Order(stamp, rates, valid_until))
-
-    def note_start(self, time: float) -> None:
-        """Note the start of the experiment [s] that was told."""
-        self.told_start = time
-
-    def believe_start(self, stamp: float) -> None:
-        """Count announced pauses from the believed start, for the state of `stamp` [s]."""
-        self._began = believed_start(self.told_start, self._began, stamp)
-        self.pauses = self.announced.since(self._began)
 
     def add_known(self, known: KnownRates) -> None:
         """Add rates that were measured or confirmed; the later ones of the same times count.
@@ -301,14 +310,19 @@ class RateHistory:
         if len(self._events) > self.most_events:
             self._condense()
 
+    def reach(self, stamp: float) -> None:
+        """Count pauses and levels from the start that is believed at a state of `stamp` [s]."""
+        self.began = believed_start(self.told_start, self.began, stamp)
+        self.pauses = self._announced.since(self.began)
+
     def begin_anew(self, time: float) -> None:
         """Take it that the clock was set to `time` [s]: no earlier time means anything now.
 
         The rates in force go on. Events that came last and are not later than `time` are already
         by the new clock, as the rates that come just before the first photograph.
         """
+        self.began = None
         events = list(self._events.items())
-        self._began = None
         late = itertools.takewhile(lambda item: item[1].start <= time, reversed(events))
         new = list(late)[::-1]
         old = events[: len(events) - len(new)]
@@ -316,7 +330,7 @@ class RateHistory:
             self._events = dict(old)
             last = self._course().stretches[-1].rates
             start = _Stretch(-math.inf, last, Source.ASSUMED)
-            self._first = _Course(self._safe, self._first.wells, [start], last)
+            self._first = _Course(self._safe, self._first.wells, [start], last, self._first.by_hand)
             self._past, self._events, self.begins = [], dict(new), time
 
     def forget_before(self, time: float) -> None:

@@ -8,6 +8,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
+from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import (
     RateStep,
     WellRate,
@@ -16,7 +17,7 @@ from porotwin_core.rates.wells import (
     mean_rates,
     net_rate,
 )
-from porotwin_core.rig import PUMP_STEP_ML_H
+from porotwin_core.rig import PUMP_STEP_ML_H, Rig
 
 ROUND_OFF_ML_H = 1e-3
 """Rates that differ by less are equal [ml/h]: messages and displays are rounded, and no pump is
@@ -25,9 +26,15 @@ that exact."""
 SAME_RATE = from_ml_h(0.5 * PUMP_STEP_ML_H)
 """Rates that differ by at most this are the same setting of a pump [m^3/s]."""
 
+HAND_SHARE = 0.002
+"""Smallest change that a person sets, as a share of a pump's greatest rate: 1 of 500 ml/h."""
+
 PUMP_ACCURACY = 0.02
 """Share of its rate by which a pump may be wrong without a remark; the paper's producer delivers
 1 % too little (section 4)."""
+
+OPEN_HORIZON_S = 1800.0
+"""How far plans and forecasts look ahead where nobody tells the end of the experiment [s]."""
 
 MOST_PERIODS = 8
 """Periods of one interval that are predicted one by one; more of them count by their mean rates."""
@@ -115,20 +122,42 @@ def same_rates(first: WellRates, second: WellRates) -> bool:
     return rises[0] == rises[1] and not different_wells(first, second)
 
 
-def different_wells(first: WellRates, second: WellRates, *, accuracy: float = 0.0) -> list[str]:
+def same_by_hand(rig: Rig | None) -> float:
+    """Return by how much rates may differ that a person leaves as they are [m^3/s]."""
+    if rig is None or rig.control is None:
+        return SAME_RATE
+    return max(SAME_RATE, from_ml_h(HAND_SHARE * rig.control.max_rate_ml_h) - SAME_RATE)
+
+
+def orders_by_hand(setpoints: Iterable[WellRates], rig: Rig) -> int:
+    """Return how many `setpoints` [m^3/s] a person has to set at the pumps, from the safe rates on.
+
+    Changes that no hand sets add up.
+    """
+    told, count = safe_rates(rig), 0
+    for rates in setpoints:
+        changed = different_wells(rates, told, same=same_by_hand(rig))
+        told |= {well: rates.get(well, WellRate()) for well in changed}
+        count += bool(changed)
+    return count
+
+
+def different_wells(
+    first: WellRates, second: WellRates, *, accuracy: float = 0.0, same: float = SAME_RATE
+) -> list[str]:
     """Return the names of the wells whose rate or injected fluid differs.
 
-    Rates also count as equal if they differ by at most `accuracy` times the second rate.
+    Rates are equal if they differ by at most `same` [m^3/s], or `accuracy` times the second rate.
     """
     return [
         name
         for name in dict.fromkeys([*first, *second])
-        if not _same(first.get(name, WellRate()), second.get(name, WellRate()), accuracy)
+        if not _same(first.get(name, WellRate()), second.get(name, WellRate()), accuracy, same)
     ]
 
 
-def _same(first: WellRate, second: WellRate, accuracy: float) -> bool:
-    if abs(first.rate - second.rate) > max(SAME_RATE, accuracy * abs(second.rate)):
+def _same(first: WellRate, second: WellRate, accuracy: float, same: float) -> bool:
+    if abs(first.rate - second.rate) > max(same, accuracy * abs(second.rate)):
         return False
     injects = min(first.rate, second.rate) > 0.0
     return not injects or abs(first.concentration - second.concentration) <= WRITTEN_ROUND_OFF

@@ -36,6 +36,7 @@ from porotwin_core.ros.from_messages import deviation_from_msg as deviation_from
 from porotwin_core.ros.from_messages import effects_from_msg as effects_from_msg
 from porotwin_core.ros.from_messages import grid_from_msg as grid_from_msg
 from porotwin_core.ros.from_messages import nanoseconds_from_msg as nanoseconds_from_msg
+from porotwin_core.ros.from_messages import offer_state_from_msg as offer_state_from_msg
 from porotwin_core.ros.from_messages import plan_from_msg as plan_from_msg
 from porotwin_core.ros.from_messages import rates_from_msg as rates_from_msg
 from porotwin_core.ros.from_messages import rig_from_msg as rig_from_msg

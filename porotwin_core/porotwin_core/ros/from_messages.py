@@ -214,6 +214,17 @@ def _effect_from_msg(message: Any) -> dict[str, Any]:
     return {'name': message.name, 'parameters': parameters}
 
 
+OFFER_STATES = ('offered', 'accepted', 'refused', 'taken back', 'expired')
+"""States of an offer in words, by their numbers in `MendOffer`."""
+
+
+def offer_state_from_msg(message: Any) -> tuple[str, bool]:
+    """Return the state of a `MendOffer` in words, and whether it waits for an answer."""
+    known = message.state < len(OFFER_STATES)
+    state = OFFER_STATES[message.state] if known else 'unknown'
+    return state, state == OFFER_STATES[0] and len(message.effects) > 0
+
+
 def effects_from_msg(messages: Iterable[Any]) -> tuple[EffectDescription, ...]:
     """Return effects. The caller checks their names and parameters.
 

@@ -24,19 +24,17 @@ def follow_run(
     on_state: Callable[[NewState], None],
     on_clean_state: Callable[[CleanState], None],
     on_effects: Callable[[ToldEffects], None],
-    on_start: Callable[[float], None],
 ) -> None:
     """Subscribe `node` to the course of a run.
 
     Args:
         node: the node.
-        rates: takes the rates that the hub commands, and those that the pumps delivered. Wrong
-            ones are an error in the log.
+        rates: takes the rates that the hub commands, those that the pumps delivered, and the start
+            of the experiment; in simulated time it is 0. Wrong rates are an error in the log.
         lock: is held meanwhile; a condition is notified.
         on_state: takes every map.
         on_clean_state: takes the message that a new sequence of states begins.
         on_effects: takes the effects in the solver; InputError from it ignores them.
-        on_start: takes the start of the experiment [s]; in simulated time it is 0.
     """
 
     def on_measured(message: WellRates) -> None:
@@ -60,7 +58,7 @@ def follow_run(
             lock.notify_all()
 
     def on_experiment(message: Header) -> None:
-        on_start(conversions.time_from_msg(message.stamp))
+        rates.told_start = conversions.time_from_msg(message.stamp)
 
     follow(node, WellRates, 'wells/measured', on_measured, qos.FIELD)
     # every setpoint of a run counts, not only the newest as for a pump
@@ -69,6 +67,6 @@ def follow_run(
     follow_effects(node, on_effects)
     follow(node, NewState, 'asset/new_state', on_state, qos.FIELD)
     if node.get_parameter('use_sim_time').value:
-        on_start(0.0)
+        rates.told_start = 0.0
     else:
         follow(node, Header, 'asset/experiment', on_experiment, qos.CONFIG)

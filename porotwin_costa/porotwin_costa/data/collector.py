@@ -100,7 +100,7 @@ class Collector:
         if self._states and time <= self._states[-1][0]:
             self._forget_after(time)
         ready = self._ready()
-        self.rates.believe_start(time)
+        self.rates.reach(time)
         self._states.append((time, concentration))
         return ready
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.photo_interval import LONGEST_GAP_S
-from porotwin_core.clock.stamps import believed_start
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.tracer_share import FILLED_SHARE, tracer_share
 from porotwin_core.rates.rate_history import RateHistory
@@ -112,9 +111,7 @@ class LiveRun:
         if self.times and (self._ended or clean or is_other_clock(self.times[-1], stamp)):
             self._begin_new_run(stamp)
         self._evaluation_started = False
-        first = self.times[0] if self.times else stamp
-        began = believed_start(self.rates.told_start, None, first)  # it may be told late
-        self.rates.pauses = self.rates.announced.since(began)
+        self.rates.reach(stamp)
         unknown = np.full(grid.shape, np.nan)
         planes = [unknown if part is None else part for part in (deviation, systematic)]
         self._maps.append(stamp, np.concatenate([concentration, *planes]))

@@ -30,7 +30,7 @@ class StatePeriods:
         self.newest = stamp
         if is_other:
             self.rates.begin_anew(stamp)
-        self.rates.believe_start(stamp)
+        self.rates.reach(stamp)
         if last is None or is_other or self.rates.begins is None:
             return ()
         periods = self.rates.periods(last, stamp)

@@ -31,12 +31,9 @@ from porotwin_hub.control.optimisation import Decision, OutOfTimeError
 from porotwin_hub.control.projected_gradient import descend
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.models.forecast import ModelUnavailable, PhysicsModel
-from porotwin_hub.models.plant_knowledge import NOTHING_LEARNT, PlantKnowledge
+from porotwin_hub.models.plant_knowledge import DEAD_SHARE, NOTHING_LEARNT, PlantKnowledge
 from porotwin_hub.objectives.objective import Objective
 from porotwin_hub.objectives.objective_registry import make_objective
-
-DEAD_PUMP = 0.05
-"""A well that delivers less than this share of its rate has failed; it is left out."""
 
 FIRST_STEPS, LATER_STEPS = 8, 3
 """Steps of the gradient search in the first decision, and in those that begin with a plan."""
@@ -188,10 +185,10 @@ class PlanController:
     def _expected(self, plant: PlantKnowledge) -> PlantKnowledge:
         """Return the plant as it is planned with.
 
-        A fixed well that stands still is planned as running: a pause of the injection ends.
+        A fixed well that has failed is planned as running: a pause of the injection ends.
         """
         delivery = {
-            name: 1.0 if name in self.limits.fixed and share < DEAD_PUMP else share
+            name: 1.0 if name in self.limits.fixed and share < DEAD_SHARE else share
             for name, share in plant.delivery.items()
         }
         return replace(plant, delivery=delivery)
@@ -273,7 +270,7 @@ class _Task:
         terms = controller.objective.terms(now, horizon)
         self._terms = [term.on_cells(controller.cells) for term in terms]
         self._shares = np.array([plant.delivery.get(name, 1.0) for name in self._limits.wells])
-        self._greatest = np.where(self._shares < DEAD_PUMP, 0.0, self._limits.max_rate)
+        self._greatest = np.where(self._shares < DEAD_SHARE, 0.0, self._limits.max_rate)
         self._before = self._limits.control_rates(previous)
         self.standing = self._before
         """The last order (wells,) [m^3/s]: it costs nothing to repeat, set or not."""

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from porotwin_core.basis.units import DAY_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rate_periods import OPEN_HORIZON_S
 from porotwin_core.rig import Rig
 from porotwin_core.ros.node import declare
 from porotwin_hub.control.controller import Controller, Planner, WithSubstitute
@@ -112,7 +113,7 @@ class PlannerParameters:
         horizon = declare(
             node,
             'horizon_s',
-            1800.0,
+            OPEN_HORIZON_S,
             'how far the optimiser looks ahead, where rig.yaml names no end of the experiment [s]',
             at_least=1.0,
             at_most=DAY_S,

@@ -16,6 +16,7 @@ import numpy as np
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.tracer_volume import CHANGE_LOG_ODDS, CHANGED_SHARE
+from porotwin_hub.models.plant_knowledge import DEAD_SHARE, STANDS
 
 WATCH_S = 120.0
 """Time between two tests [s]; each takes a prediction for every pumping well."""
@@ -29,12 +30,6 @@ TESTS_IN_TURN = 2
 MOST_SHARE = 0.6
 """Greatest share of its rate that counts as a fault, and as far above 1: the rate factors follow
 smaller ones."""
-
-STOPPED_SHARE = 0.25
-"""Least share that is told apart from none: below, the pump counts as stopped."""
-
-NOTHING = 0.02
-"""Share of a pump that counts as stopped: it can be told apart from one that was told to stand."""
 
 EMPTY = 0.03
 """Mean concentration of a block below which it tells nothing, and likewise below 1 [-]."""
@@ -128,8 +123,8 @@ class PumpWatch:
         """Take a fault of a `well` into the belief."""
         if abs(1.0 - share) < 1.0 - MOST_SHARE:
             return []
-        stands = share < STOPPED_SHARE
-        self.faults[well] = Fault(NOTHING if stands else share)
+        stands = share < DEAD_SHARE
+        self.faults[well] = Fault(STANDS if stands else share)
         told = 'nothing' if stands else f'about {percent(share)} of its rate'
         line = f'{well} seems to deliver {told}, by the photographs: check its pump and tube'
         return [f'{line}; the plan goes on without it' if stands else line]

@@ -26,13 +26,13 @@ from porotwin_core.rates.rate_periods import SAME_RATE, RatePeriod, injected_tra
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.estimation.pump_watch import (
     MOST_SHARE,
-    NOTHING,
     WATCH_S,
     WATCH_WINDOW_S,
     Expectations,
     PumpWatch,
 )
 from porotwin_hub.models.forecast import PhysicsModel
+from porotwin_hub.models.plant_knowledge import STANDS
 
 PERIOD_S = 300.0
 """Time between two updates [s], and shortest course that a photograph is compared with; each update
@@ -56,7 +56,7 @@ IDLE_SHARE = 0.05
 have been mended, or a person may have refused an order."""
 
 MOST_METERED = 2.0
-"""Largest measured over commanded rate that is believed [-]; the least one is `NOTHING`."""
+"""Greatest measured over commanded rate that is believed [-]."""
 
 LEAST_COMMANDED = 20 * SAME_RATE
 """Least commanded rate that is compared with a measured one [m^3/s]."""
@@ -234,7 +234,7 @@ class RateLearner:
 
     def _compare(self, well: str, measured_share: float) -> None:
         """Take a measured over commanded rate into the factor of a `well`."""
-        share = min(max(measured_share, NOTHING), MOST_METERED)
+        share = min(max(measured_share, STANDS), MOST_METERED)
         change = share - self._metered[well]
         self._metered[well] += change if abs(change) > METER_JUMP else METER_SHARE * change
 

@@ -9,6 +9,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 from porotwin_core.model.preset_names import PRESET_WORDS
+from porotwin_core.rates.rate_periods import OPEN_HORIZON_S
 from porotwin_hub.launching.node_description import (
     NAMESPACE,
     NodeDescription,
@@ -70,7 +71,7 @@ class GraphSettings:
         USUAL_PHOTO_INTERVAL_S, 'time between photographs [s]', least=0.1, most=DAY_S
     )
     horizon_s: float = _option(
-        1800.0,
+        OPEN_HORIZON_S,
         'how far plans look ahead if rig.yaml names no end of the experiment [s]',
         least=1.0,
         most=DAY_S,

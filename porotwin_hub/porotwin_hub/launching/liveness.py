@@ -9,10 +9,8 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from porotwin_core.clock.freshness import STALE_AFTER_S
 from porotwin_hub.launching.node_processes import NodeProcess
-
-STALE_AFTER_S = 5.0
-"""A node that is silent for longer is stale [s]; diagnostic_aggregator waits as long."""
 
 RESTART_AFTER_S = 30.0
 """A node that is silent for longer is ended [s]; its launcher starts it again."""

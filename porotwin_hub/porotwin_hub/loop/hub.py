@@ -96,10 +96,10 @@ class Hub:
         try:
             actuate(cycle.setpoint, ready)
         except ModelUnavailable as error:
-            self._twin.reject_setpoint(cycle)
+            self._twin.choice.reject(cycle)
             cycle.remarks.append(str(error))
         except Exception:
-            self._twin.reject_setpoint(cycle)
+            self._twin.choice.reject(cycle)
             raise
 
     def _lateness(self, ready: ReadyState[Any]) -> str:

@@ -12,12 +12,11 @@ from collections.abc import Sequence
 
 from porotwin_core.clock.freshness import LEARNING_PHOTOGRAPHS
 from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
-from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S, believed_start
+from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.geometry.grid import relative_error
 from porotwin_core.model.correction import CorrectionFn
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.model.state_filter import StateFilter
-from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import (
     KnownRates,
@@ -59,11 +58,9 @@ class Twin:
         *,
         photo_interval: float,
         controller: Planner | None = None,
-        assumed: WellRates | None = None,
-        began: float | None = None,
+        rates: RateHistory | None = None,
         state_filter: StateFilter | None = None,
         learner: RateLearner | None = None,
-        pauses: FixedPauses = NO_PAUSES,
         watch: TracerWatch | None = None,
     ) -> None:
         """Make the loop.
@@ -73,16 +70,13 @@ class Twin:
             data_driven: the data-driven model, or `no_correction`.
             photo_interval: time between photographs [s]; how far a forecast looks ahead.
             controller: chooses setpoints; None: the twin predicts and does not control.
-            assumed: rates until any are known, without a controller; None: all wells are off.
-            began: time of the start of the experiment [s]; None: the first observation.
+            rates: the history of the rates; None: the safe ones of the controller, or all off.
             state_filter: estimates the state from photograph and prediction; None: the state is the
                 photograph, its unseen cells filled in (the paper's way).
             learner: learns the rate factors of the pumps, and needs a filter; None: they are 1.
-            pauses: announced pauses of the fixed wells, since the start of the experiment.
             watch: compares the tracer in photographs with that of the pumps; None: nobody does.
         """
         self._watch = watch
-        self._pauses = pauses
         self._estimation = StateEstimation(state_filter, learner)
         self._plain_physics = physics
         self._learner = learner
@@ -94,14 +88,10 @@ class Twin:
         self._photo_interval = photo_interval
         self._times: deque[float] = deque(maxlen=2 * LEARNING_PHOTOGRAPHS)
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
-        if assumed is None and controller is not None:
-            assumed = controller.limits.safe()
-        self._rates = RateHistory(assumed or {})
-        self._choice = SetpointChoice(photo_interval, self._rates)
+        self._rates = rates or RateHistory(controller.limits.safe() if controller else {})
+        self.choice = SetpointChoice(photo_interval, self._rates)
+        """Chooses setpoints, and takes back those that the asset rejects."""
         self.change_controller(controller)
-        self._known_start = began
-        self._told_start: float | None = None
-        self._began = began
         self._state: Observation | None = None
         self._forecast: Forecast | None = None
         self._learnt = NO_LEARNT_PHYSICS
@@ -120,15 +110,10 @@ class Twin:
     def begin_anew(self) -> None:
         """Forget everything but the rates in force: time went back."""
         self.interrupt()
-        self._began = self._known_start
         self._rates.begin_anew(-math.inf)
         self._learnt = NO_LEARNT_PHYSICS
         if self._learner is not None:
             self._learner.begin_anew()
-
-    def set_start(self, time: float) -> None:
-        """Count pauses and the end from the start that was told [s], if `believed_start` does."""
-        self._told_start = time
 
     def forget_rate_factors(self) -> None:
         """Learn the rate factors anew: those learnt with another model may stand for its error."""
@@ -138,16 +123,16 @@ class Twin:
     @property
     def controls(self) -> bool:
         """Whether setpoints are chosen."""
-        return self._choice.planner is not None
+        return self.choice.planner is not None
 
     @property
     def validity(self) -> float:
         """How long a setpoint is valid after its photograph [s]."""
-        return self._choice.validity
+        return self.choice.validity
 
     def change_controller(self, controller: Planner | None) -> None:
         """Choose setpoints by `controller` from now on; None: predict and do not control."""
-        self._choice.planner = controller
+        self.choice.planner = controller
         if controller is not None:
             self._rates.control_wells = controller.limits.wells
 
@@ -187,12 +172,8 @@ class Twin:
         if actuate:
             delivery = {name: found.factor for name, found in self._factors().items()}
             plant = PlantKnowledge(delivery, learnt=self._learnt)
-            self._choice.choose(cycle, self._physics, began=self._began or 0.0, plant=plant)
+            self.choice.choose(cycle, self._physics, began=self._rates.began or 0.0, plant=plant)
         return cycle
-
-    def reject_setpoint(self, cycle: Cycle) -> None:
-        """Go on without the setpoint of `cycle`, because the asset did not take it."""
-        self._choice.reject(cycle)
 
     def look_ahead(self, cycle: Cycle) -> None:
         """Judge the forecast of the observation, and forecast the next observation.
@@ -208,18 +189,17 @@ class Twin:
         self._estimation.expect(cycle)
 
     def _count_disallowed_tracer(self, cycle: Cycle) -> None:
-        if self._choice.planner is not None:
-            objective = self._choice.planner.objective
+        if self.choice.planner is not None:
+            objective = self.choice.planner.objective
             cycle.disallowed_tracer = objective.disallowed_tracer(cycle.observation.concentration)
 
     def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
         """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
         now = observation.time
-        self._began = believed_start(self._told_start, self._began, now)
         gap = now - self._state.time if self._state is not None else 0.0
         if gap > self._longest_gap:
             self.interrupt()
-        self._rates.pauses = self._pauses.since(self._began)
+        self._rates.reach(now)
         commanded = self._rates.commanded(now)
         for item in known:
             self._rates.add_known(self._as_told(item, commanded))

@@ -6,6 +6,14 @@ from dataclasses import dataclass, field
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rates.order_delay import AT_ONCE, OrdersAhead
 
+DEAD_SHARE = 0.25
+"""A pump that delivers less than this share of its rate has failed: photographs tell a smaller one
+from none no longer, and a plan goes on without it."""
+
+STANDS = 0.02
+"""Least share that is believed: a pump that stands still can so be told apart from one that was
+told to stand."""
+
 
 @dataclass(frozen=True)
 class PlantKnowledge:

@@ -6,8 +6,8 @@ from datetime import datetime, timedelta
 from porotwin_core.basis.plain_text import plain
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.clock.stamps import SINCE_1970
+from porotwin_core.rates.rate_periods import SAME_RATE, different_wells
 from porotwin_core.rates.wells import WellRate, WellRates
-from porotwin_core.rig import PUMP_STEP_ML_H
 from porotwin_core.ros.foreign_words import in_short
 
 NO_SETPOINT = 'no setpoint: '
@@ -40,7 +40,7 @@ def announce(
     *,
     note: str = '',
     reason: str = '',
-    step_ml_h: float = PUMP_STEP_ML_H,
+    same: float = SAME_RATE,
 ) -> Announcement:
     """Return the words for setpoint `sequence`, with every rate in ml/h.
 
@@ -50,13 +50,10 @@ def announce(
         before: the rates at the pumps [m^3/s]; a well that is missing there counts as changed.
         note: follows the number, such as the time of the photograph.
         reason: why these rates, in one line; may be empty.
-        step_ml_h: the smallest change that a hand can set [ml/h]; smaller ones do not count.
+        same: rates that differ by at most this are the same [m^3/s].
     """
-    changed = tuple(
-        well
-        for well, rate in rates.items()
-        if well not in before or _step(rate, before[well]) >= step_ml_h - 0.5 * PUMP_STEP_ML_H
-    )
+    others = different_wells(rates, before, same=same)
+    changed = tuple(well for well in rates if well not in before or well in others)
     speech = ' '.join(_order(well, rates[well]) for well in changed) or 'No change.'
     why = f'\n  why: {in_short(reason)}' if reason else ''
     title = f'setpoint {sequence}{note}{why}'
@@ -92,17 +89,13 @@ def confirmation_in_words(sequence: int, otherwise: WellRates, who: str) -> str:
     )
 
 
-def _step(rate: WellRate, before: WellRate) -> float:
-    return abs(to_ml_h(rate.rate - before.rate))
-
-
 def _table(title: str, rates: WellRates, before: WellRates, changed: tuple[str, ...]) -> str:
     lines = [title]
     for well, rate in rates.items():
         line = f'  {plain(well):12} {to_ml_h(rate.rate) + 0.0:8.1f} ml/h'
         if well in changed:
             last = before.get(well)
-            if last is None or _step(rate, last) < 0.5 * PUMP_STEP_ML_H:
+            if last is None or abs(rate.rate - last.rate) <= SAME_RATE:
                 line += '   <-- set'
             else:
                 line += f'   <-- was {to_ml_h(last.rate) + 0.0:.1f}'

@@ -4,16 +4,13 @@ import math
 from dataclasses import dataclass
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import to_ml_h
+from porotwin_core.rates.rate_periods import same_by_hand
+from porotwin_core.rates.told_rates import doubts_about, other_fluids, refuse_impossible
 from porotwin_core.rates.wells import WellRate, WellRates
-from porotwin_core.rig import PUMP_STEP_ML_H, Rig
+from porotwin_core.rig import Rig
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.operator.announcement import Announcement, announce, announce_expiry, clock_time
-from porotwin_hub.operator.confirmed_rates import question_about, refuse_implausible
 from porotwin_hub.operator.setpoint_expiry import ExpiryWatch
-
-HAND_SHARE = 0.002
-"""Smallest change that a hand sets, as a share of a pump's greatest rate: 1 of 500 ml/h."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +35,6 @@ class SetpointBook:
         """Begin an empty book for `rig`."""
         self._rig = rig
         self._limits = Limits.of(rig) if rig.control is not None else None
-        greatest_ml_h = to_ml_h(self._limits.max_rate) if self._limits else 0.0
-        self._step_ml_h = max(PUMP_STEP_ML_H, HAND_SHARE * greatest_ml_h)
         self._newest: tuple[int, dict[str, WellRate]] | None = None
         """Number and rates of the setpoint that was announced last."""
         self._at_pumps: dict[str, WellRate] = {}
@@ -95,7 +90,7 @@ class SetpointBook:
                 f'valid until {clock_time(setpoint.valid_until)})'
             ),
             reason=setpoint.reason,
-            step_ml_h=self._step_ml_h,
+            same=same_by_hand(self._rig),
         )
         self._at_pumps = {
             **self._at_pumps,
@@ -123,9 +118,9 @@ class SetpointBook:
         """Return the rates that the operator set: as announced, except for the `changed` wells.
 
         Raises:
-            InputError: the setpoint is not the newest, a well is not known, or a rate is not
-                plausible. So are rates that do not balance, and safe rates in place of an expired
-                setpoint without a word of them, unless the same was said before.
+            InputError: the setpoint is not the newest, a well is not known, a rate is not
+                plausible, or a fluid is another. So are odd rates, and safe rates in place of an
+                expired setpoint without a word of them, unless the same was said before.
         """
         if self._newest is None:
             raise InputError(f'setpoint {sequence} is not known; there was none yet')
@@ -134,15 +129,22 @@ class SetpointBook:
             raise InputError(
                 f'setpoint {sequence} is not the newest; set and confirm setpoint {newest}'
             )
-        refuse_implausible(changed, self._rig)
+        refuse_impossible(changed, self._rig)
+        for well, fluid in other_fluids(changed, self._rig).items():
+            raise InputError(
+                f"well '{well}' injects concentration {fluid:g} by rig.yaml, "
+                f'not {changed[well].concentration:g}'
+            )
         rates = {**announced, **changed}
-        question = question_about(rates, self._rig)
+        question = ' '.join(doubts_about(rates, self._rig))
+        if question:
+            question += ' Correct the rates, or confirm the same once more.'
         if self._in_force is None and not changed:  # whoever confirms may mean what has expired
             question = (
                 f'setpoint {sequence} has expired, and the safe rates took its place; confirm once '
                 'more if these are set'
             )
-        if question is not None and self._asked != (sequence, rates):
+        if question and self._asked != (sequence, rates):
             self._asked = (sequence, rates)
             raise InputError(question)
         self._asked = None

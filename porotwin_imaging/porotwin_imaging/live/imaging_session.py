@@ -78,7 +78,8 @@ class ImagingSession:
         self._frozen = FrozenCamera()
         self._states = 0
         self._baselines_taken: set[str] = set()
-        self._waiting = WaitingPhotos(WAITING_PHOTOS)
+        self.waiting = WaitingPhotos(WAITING_PHOTOS)
+        """The photographs that came before the baseline."""
 
     def add_baseline(self, data: bytes) -> list[tuple[float, bytes]]:
         """Take the photograph `data` (bytes of the file) as a baseline.
@@ -104,7 +105,7 @@ class ImagingSession:
             self._states = 0
             self._sequence = SequenceState()
             self._frozen = FrozenCamera()
-        return self._waiting.release()
+        return self.waiting.release()
 
     def leave_out_baseline(self, data: bytes) -> None:
         """Never take the photograph `data` (bytes of the file) as a baseline."""
@@ -136,10 +137,6 @@ class ImagingSession:
         state = ImagedState(time, self._states, placement, found)
         self._states += 1
         return state
-
-    def keep_waiting(self, time: float, data: bytes) -> str:
-        """Keep a photograph until there is a baseline; return a warning, empty if repeated."""
-        return self._waiting.add(time, data)
 
     def _refuse_tracer(self, data: bytes) -> None:
         """Raise InputError if a new baseline shows tracer against the baseline in use.

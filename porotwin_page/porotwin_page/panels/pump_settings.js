@@ -5,7 +5,6 @@ import { element, find, hasChanged, setText } from '../web/dom.js';
 import { duration, isNumber, number, signed } from '../web/formatting.js';
 
 const SHORT_VALIDITY = 0.34;  // below this part the bar changes its colour
-const BALANCED_ML_H = 0.051;  // round-off of one rate on a pump's display
 
 const BODY = `
   <p id="no-setpoint">No setpoint yet.</p>
@@ -227,10 +226,7 @@ function renderInputs(root, wells) {
 
 /* The sum of all rates that a confirmation would record. */
 export function netText(rates) {
-  const net = netRate(rates);
-  const balanced = Math.abs(net) <= BALANCED_ML_H * Object.keys(rates).length;
-  if (balanced) return 'An empty field means the rate above. The rates balance.';
-  return `An empty field means the rate above. Together: ${signed(net, 1)} ml/h, not balanced.`;
+  return `An empty field means the rate above. Together: ${signed(netRate(rates), 1)} ml/h.`;
 }
 
 export function validityText(setpoint, lost = false) {

@@ -4,14 +4,12 @@ The rates to set are those of a valid setpoint, and the safe rates after its exp
 """
 
 import math
-from collections.abc import Mapping
 
 from porotwin_core.basis.units import MINUTE_S, ML, to_ml_h
 from porotwin_core.rates.announced_rates import uncontrolled_rates
 from porotwin_core.rates.bottle import bottle_at
-from porotwin_core.rates.rate_periods import ROUND_OFF_ML_H
+from porotwin_core.rates.rate_periods import different_wells, same_by_hand
 from porotwin_core.rates.wells import WellRate, WellRates
-from porotwin_core.rig import PUMP_STEP_ML_H
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.json_values import Json, finite
 from porotwin_page.panel import Moment, Region, ScriptPanel
@@ -40,7 +38,7 @@ def setpoint_view(snapshot: GraphSnapshot, moment: Moment) -> Json | None:
         'confirmed': snapshot.confirmed == (setpoint.sequence, safe),
         'pumps_report': snapshot.pumps_report and snapshot.set_rates is None,
         'wells': [
-            _well_view(well, rate, before, snapshot.measured)
+            _well_view(well, rate, before, snapshot)
             for well, rate in snapshot.orders(moment.graph).items()
         ],
     }
@@ -93,18 +91,18 @@ def rates_before(snapshot: GraphSnapshot) -> WellRates | None:
 
 
 def _well_view(
-    well: str, rate: WellRate, before: WellRates | None, measured: Mapping[str, WellRate] | None
+    well: str, rate: WellRate, before: WellRates | None, snapshot: GraphSnapshot
 ) -> Json:
-    commanded = to_ml_h(rate.rate)
-    was = None if before is None else to_ml_h(before.get(well, WellRate()).rate)
-    delivered = measured.get(well) if measured is not None else None
+    was = None if before is None else before.get(well, WellRate())
+    delivered = (snapshot.measured or {}).get(well)
+    same = same_by_hand(snapshot.rig)
     return {
         'name': well,
         'tracer': rate.concentration if rate.rate > 0 else 0.0,
-        'rate_ml_h': finite(commanded),
-        'before_ml_h': finite(was),
+        'rate_ml_h': finite(to_ml_h(rate.rate)),
+        'before_ml_h': finite(None if was is None else to_ml_h(was.rate)),
         'measured_ml_h': finite(to_ml_h(delivered.rate)) if delivered is not None else None,
-        'changed': was is None or abs(was - commanded) >= PUMP_STEP_ML_H - ROUND_OFF_ML_H,
+        'changed': was is None or bool(different_wells({well: rate}, {well: was}, same=same)),
     }
 
 

@@ -393,6 +393,7 @@ def _delivered(segment: Segment, start: int, rig: Rig) -> Schedule | None:
     if not segment.told:
         return None
     history = RateHistory.of(rig)
+    history.reach(0.0)
     history.most_events = len(segment.told)
     for one in segment.told:
         begin, end = (one.start - start) / SECOND, (one.end - start) / SECOND
