@@ -16,7 +16,6 @@ from recording_examples import write_live_bag
 
 from porotwin_core.clock.photo_interval import VALIDITY_INTERVALS
 from porotwin_core.geometry.grid import FloatArray
-from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import KnownRates, RatePeriod
 from porotwin_core.rates.wells import WellRates
@@ -30,7 +29,7 @@ from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.loop.cycle import Observation
 from porotwin_hub.loop.twin import Twin
 from porotwin_hub.models.forecast import no_correction
-from porotwin_msgs.msg import CleanState, Setpoint
+from porotwin_msgs.msg import Setpoint
 from porotwin_msgs.msg import WellRates as WellRatesMessage
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_siblings.continuity import periods_until
@@ -134,7 +133,7 @@ def of_the_hub(rig: Rig, photographs: list[Photograph]) -> list[RatePeriod]:
         no_correction,
         photo_interval=INTERVAL,
         controller=controller,
-        pauses=FixedPauses.of(rig),
+        rates=RateHistory.of(rig),
     )
     found: list[RatePeriod] = []
     for one in photographs:
@@ -151,7 +150,7 @@ def tell(rates: RateHistory, one: Photograph) -> None:
 
 def of_the_siblings(rig: Rig, photographs: list[Photograph]) -> list[RatePeriod]:
     rates, siblings = RateHistory.of(rig), Following()
-    rates.pauses = FixedPauses.of(rig)
+    rates.reach(0.0)
     found: list[RatePeriod] = []
     for one in photographs:
         tell(rates, one)
@@ -182,30 +181,15 @@ def of_the_diagnosis(rig: Rig, photographs: list[Photograph], folder: Path) -> l
 
 
 def of_a_bag(rig: Rig, photographs: list[Photograph], file: Path) -> list[RatePeriod]:
-    start = CleanState(cause=CleanState.START, header=header_at(0.0))
-    messages: list[tuple[str, object]] = [
-        ('/lab/rig/description', rig_to_msg(rig)),
-        ('/lab/asset/clean_state', start),
-    ]
+    messages: list[tuple[str, object]] = [('/lab/rig/description', rig_to_msg(rig))]
     for number, one in enumerate(photographs, start=1):
-        messages += [
-            (
-                '/lab/wells/measured',
-                WellRatesMessage(
-                    header=header_at(known.end),
-                    start=time_to_msg(known.start),
-                    wells=rates_to_msg(known.rates),
-                ),
-            )
-            for known in one.known
-        ]
-        setpoint = Setpoint(
-            header=header_at(one.time),
-            sequence=number,
-            valid_until=time_to_msg(one.ends),
-            wells=rates_to_msg(one.order),
-        )
-        messages.append(('/lab/wells/setpoint', setpoint))
+        for known in one.known:
+            wells, start = rates_to_msg(known.rates), time_to_msg(known.start)
+            told = WellRatesMessage(header=header_at(known.end), start=start, wells=wells)
+            messages.append(('/lab/wells/measured', told))
+        wells, until, header = rates_to_msg(one.order), time_to_msg(one.ends), header_at(one.time)
+        order = Setpoint(header=header, sequence=number, valid_until=until, wells=wells)
+        messages.append(('/lab/wells/setpoint', order))
     write_live_bag(file, messages)
     schedule = open_recording(file).delivered
     return [RatePeriod(*period) for period in schedule.intervals(0.0, photographs[-1].time)]

@@ -193,7 +193,7 @@ def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> 
     [
         (
             (photo(30.0, 'b.jpg'), photo(60.0, 'a.jpg', 'baseline')),
-            '60 s: a baseline comes after the tracer, which is there from 0 s on',
+            '60 s: a baseline comes after the tracer, there from 0 s on',
         ),
         (
             (BASELINE, photo(2588340.0, 'b.jpg')),

@@ -93,17 +93,6 @@ def test_pairs_are_returned_only_when_their_rates_have_arrived(collector, model,
     assert pair.end == 30.0
 
 
-def test_a_meter_at_ten_hertz_hides_no_earlier_rates(collector, grid):
-    blank, pairs = np.zeros(grid.shape), []
-    for number in range(4):
-        pairs += collector.observed(30.0 * number, blank, grid)
-        for tenth in range(300):
-            rate = WellRate(1e-7 * (number + 1), 1.0)
-            _measure(collector, 30.0 * number + 0.1 * tenth, {'left': rate})
-    pairs += collector.finished()
-    assert [pair.rates['left'].rate for pair in pairs] == pytest.approx([1e-7, 2e-7, 3e-7])
-
-
 def test_pairs_that_cannot_be_used_are_counted(collector, model, grid):
     blank, unknown = np.zeros(grid.shape), np.full(grid.shape, np.nan)
     collector.observed(0.0, blank, grid)
@@ -131,11 +120,9 @@ def test_samples_are_taken_once_and_written_as_parts(collector, model, unseen_fr
     assert collector.completed == 10
 
 
-def test_state_on_another_grid_and_unknown_well_are_refused(collector, rig):
+def test_state_on_another_grid_is_refused(collector, rig):
     with pytest.raises(InputError, match='7x5'):
         collector.observed(0.0, np.zeros((5, 7)), rig.grid(7, 5))
-    with pytest.raises(InputError, match="'other'"):
-        _measure(collector, 0.0, {'other': WellRate(1e-7)})
 
 
 def test_predictions_fill_no_cells_after_the_clock_jumped_back(

@@ -36,11 +36,6 @@ def test_a_well_whose_rate_is_unknown_is_always_announced() -> None:
     assert words.speech == 'Switch control 2 off.'
 
 
-def test_a_difference_below_the_pumps_step_is_no_change() -> None:
-    nearly = {**AFTER, 'control1': WellRate(from_ml_h(240.52))}
-    assert announce(9, nearly, AFTER).changed == ()
-
-
 def test_a_change_below_what_a_hand_can_set_is_not_marked() -> None:
     nearly = {**AFTER, 'control1': WellRate(from_ml_h(241.4))}
     assert announce(9, nearly, AFTER, same=from_ml_h(0.95)).changed == ()

@@ -124,6 +124,7 @@ def test_the_protocol_orders_a_backlog_and_says_nothing_of_a_live_photograph() -
     latest = NOW - OLD_INTERVALS * INTERVAL
     assert times(evidence, batch=3) == [latest - 60.0, latest - 30.0, latest]
     assert times([live(0, protocol=90.0, protocol_end=90.0)]) == [NOW - 0.5]
+    assert times([live(0, protocol=NOW - 1.0)]) == [NOW - 1.0]
 
 
 def test_a_clock_an_hour_behind_is_corrected_when_three_fresh_photographs_agree() -> None:

@@ -290,24 +290,6 @@ def test_rates_that_the_hub_ignored_are_left_out(tmp_path: Path) -> None:
     assert "2 messages of rates left out: well 'in': well rate nan" in recording.remarks[0]
 
 
-def test_steady_measured_rates_go_on_until_their_last_message(tmp_path: Path) -> None:
-    write_live_bag(
-        tmp_path / 'run.mcap',
-        [
-            ('/lab/rig/description', rig_to_msg(controlled_rig())),
-            ('/lab/asset/clean_state', stamped(CleanState(cause=CleanState.START), SECOND)),
-            *(
-                ('/lab/wells/measured', measured(second * SECOND, 'in', 1e-7))
-                for second in (1, 5, 9)
-            ),
-            ('/lab/asset/new_state', state(9 * SECOND, 0.5)),
-        ],
-    )
-    recording = open_recording(tmp_path / 'run.mcap')
-    assert recording.measured is not None
-    assert [(row.time, row.rate.rate) for row in recording.measured.rows] == [(0, 1e-7), (8, 1e-7)]
-
-
 def test_a_wrong_rig_description_is_named_and_a_rig_yaml_replaces_it(
     rig_file: Path, tmp_path: Path
 ) -> None:

@@ -29,7 +29,7 @@ def _find(known: Known) -> Iterator[Remark]:
             'imaging.csv', '', why, 'give the first photograph this role', code='no_baseline'
         )
     elif max(baselines) > (tracer := min(_with_tracer(known), default=np.inf)):
-        why = f'a baseline comes after the tracer, which is there from {tracer:g} s on'
+        why = f'a baseline comes after the tracer, there from {tracer:g} s on'
         shown, remedy = f'{max(baselines):g} s', 'compare roles, and the clocks of camera and pumps'
         yield Remark('imaging.csv', shown, why, remedy, code='late_baseline')
     states = [photo for photo in known.photos if photo.role == 'state']
@@ -46,7 +46,7 @@ def _find(known: Known) -> Iterator[Remark]:
 
 
 def _with_tracer(known: Known) -> Iterator[float]:
-    """Yield the times [s] at which photographs show tracer, or wells inject it."""
+    """Yield the times [s] of photographs with tracer, and of rows that inject it."""
     yield from (photo.time for photo in known.photos if photo.role == 'state')
     rows = known.commanded.rows if known.commanded is not None else ()
     yield from (row.time for row in rows if row.rate.rate > 0 and row.rate.concentration > 0)

@@ -7,7 +7,6 @@ from typing import Literal, NamedTuple, cast, get_args
 from porotwin_core.basis.csv_table import parse_number, read_table
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import open_text
-from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 
 IMAGING_FILE = 'imaging.csv'
 HEADER = ('time_s', 'path', 'role')
@@ -20,7 +19,8 @@ class PhotoLine(NamedTuple):
     """A line of the list.
 
     Attributes:
-        time: exposure, in seconds since the start of the experiment.
+        time: exposure, in seconds since the start of the experiment; beside a camera also
+            since 1970.
         name: path relative to the folder of the list, below it.
         role: `baseline` (sand and water only), `state` (with tracer) or `dilution` (tracer of a
             known concentration, for a calibration).
@@ -44,11 +44,6 @@ def read_photo_list(path: Path) -> Iterator[PhotoLine]:
     for where, words in read_table(path, _header(path), 'the time of each photograph'):
         time_s, name, role, *rest = words
         time = parse_number(time_s, f'{where}: time_s')
-        if abs(time) > LONGEST_EXPERIMENT_S:
-            raise InputError(
-                f'{where}: time_s {time:g} is more than a year from the start; '
-                'write seconds since the start of the experiment'
-            )
         if role not in get_args(Role):
             raise InputError(f"{where}: role is '{role}'; write {' or '.join(get_args(Role))}")
         concentration = _concentration(role, rest[0] if rest else '', where)
@@ -62,7 +57,7 @@ def _header(path: Path) -> tuple[str, ...]:
     try:
         with open_text(path, 'utf-8-sig', errors='replace') as file:
             named = file.readline().rstrip().endswith(DILUTION_HEADER[-1])
-    except OSError:  # read_table tells what is wrong
+    except OSError:  # read_table tells the fault
         named = False
     return DILUTION_HEADER if named else HEADER
 

@@ -321,8 +321,8 @@ class RateHistory:
         The rates in force go on. Events that came last and are not later than `time` are already
         by the new clock, as the rates that come just before the first photograph.
         """
-        events = list(self._events.items())
         self.began = None
+        events = list(self._events.items())
         late = itertools.takewhile(lambda item: item[1].start <= time, reversed(events))
         new = list(late)[::-1]
         old = events[: len(events) - len(new)]

@@ -79,7 +79,7 @@ def joined(periods: Iterable[RatePeriod]) -> list[RatePeriod]:
 def to_predict(periods: Sequence[RatePeriod]) -> tuple[RatePeriod, ...]:
     """Return consecutive `periods` as a model predicts them one by one.
 
-    One that is too short for the clocks goes to its neighbour. Many count by their mean rates.
+    One no longer than `SAME_PHOTOGRAPH_S` goes to its neighbour. Many count by their mean rates.
     """
     kept: list[RatePeriod] = []
     for period in periods:

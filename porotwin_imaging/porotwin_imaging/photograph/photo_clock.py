@@ -55,7 +55,7 @@ class TimeEvidence:
         name: name for messages.
         arrival: this computer's clock when the photograph was first seen.
         exif: exposure time that the camera wrote.
-        protocol: time from `imaging.csv`, counted from the start of an experiment.
+        protocol: time from `imaging.csv`, perhaps counted from the start of an experiment.
         protocol_end: largest time of the protocol.
         file: time of the last change of the file.
         watched: True if the photograph arrived while the source looked for new ones.
@@ -155,10 +155,10 @@ def _times(evidence: TimeEvidence, trust: Trust) -> list[tuple[str, float | None
 def _anchored(evidence: TimeEvidence, before_s: float) -> TimeEvidence:
     """Return the evidence with a protocol that counts from 1970, so that its times can be compared.
 
-    The last time of the protocol, which counts from the start of an experiment, lies `before_s` [s]
+    The last time of a protocol that counts from the start of an experiment lies `before_s` [s]
     before the arrival. That says nothing of a photograph that has just been taken.
     """
-    if evidence.protocol is None:
+    if evidence.protocol is None or evidence.protocol >= EARLIEST_S:
         return evidence
     if evidence.watched:
         return replace(evidence, protocol=None)

@@ -69,7 +69,7 @@ class _WatchedFile:
         since: time of the first poll with this mark, clock of the source [s].
         arrival: the same moment by a steady clock [s since 1970].
         watched: True if the file arrived while the source looked.
-        evidence: what is known about its time, None until it is needed.
+        evidence: the known facts about its time, None until they are needed.
         reported: True if a problem was reported; the file is ignored until it changes.
         fault: why the file could not be read, empty if it is unfinished.
     """

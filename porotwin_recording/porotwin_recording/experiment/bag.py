@@ -31,7 +31,7 @@ from porotwin_recording.experiment.segments import (
 )
 from porotwin_recording.mcap import topic_names
 from porotwin_recording.mcap.bag_reader import BagMessage, BagReader
-from porotwin_recording.mcap.serialization import SECOND, stamp_of
+from porotwin_recording.mcap.serialization import SECOND, STAMP_END, stamp_of
 from porotwin_recording.tables.concentration import (
     DEVIATIONS,
     ConcentrationMaps,
@@ -49,9 +49,6 @@ _START, _INTERRUPTED = 0, 1
 
 IMPORTED = 'imported experiment begins'
 """Reason in the CleanState message of a bag that was made from the tables of a folder."""
-
-_STAMP_END = 12
-"""End of the stamp in a message that begins with a header [bytes]."""
 
 
 _SUFFIXES = {b'\xff\xd8': '.jpg', b'\x89P': '.png', b'II': '.tif', b'MM': '.tif'}
@@ -176,7 +173,7 @@ def image_begin(data: bytes) -> bytes:
     """
     try:
         length_of = struct.Struct('<I' if data[1] & 1 else '>I').unpack_from
-        position = _STAMP_END
+        position = STAMP_END
         for _ in ('frame_id', 'format'):
             (length,) = length_of(data, position)
             position += 4 + length + -length % 4
@@ -396,6 +393,7 @@ def _delivered(segment: Segment, start: int, rig: Rig) -> Schedule | None:
     if not segment.told:
         return None
     history = RateHistory.of(rig)
+    history.reach(0.0)
     history.most_events = len(segment.told)
     for one in segment.told:
         begin, end = (one.start - start) / SECOND, (one.end - start) / SECOND

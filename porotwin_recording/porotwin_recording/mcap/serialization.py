@@ -20,6 +20,9 @@ _CDR_ALIGNMENT = 4
 _STAMP_OFFSET = 4
 """Position of the stamp in a message that begins with a header [bytes]."""
 
+STAMP_END = _STAMP_OFFSET + struct.calcsize('iI')
+"""End of that stamp [bytes]."""
+
 _NUMBERS = frozenset(
     ['float32', 'float64', *(f'{sign}int{bits}' for sign in ('', 'u') for bits in (8, 16, 32, 64))]
 )
@@ -166,7 +169,7 @@ def stamp_of(data: bytes) -> int:
     Raises:
         InputError: the message is shorter than a stamp.
     """
-    if len(data) < _STAMP_OFFSET + struct.calcsize('iI'):
+    if len(data) < STAMP_END:
         raise InputError(f'message of {len(data)} bytes has no stamp')
     order = '<' if data[1] & 1 else '>'
     seconds, nanoseconds = struct.unpack_from(f'{order}iI', data, _STAMP_OFFSET)

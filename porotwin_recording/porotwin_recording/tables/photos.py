@@ -15,6 +15,7 @@ from porotwin_core.basis.photo_list import (
     read_photo_list,
     stays_inside,
 )
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.basis.whole_file import whole_file
 
 
@@ -52,6 +53,11 @@ def read_photos(folder: Path) -> tuple[Photo, ...]:
 
 def _photo(line: PhotoLine, folder: Path) -> Photo:
     time, name, role, concentration, where = line
+    if abs(time) > LONGEST_EXPERIMENT_S:
+        raise InputError(
+            f'{where}: time_s {time:g} is more than a year from the start; '
+            'write seconds since the start of the experiment'
+        )
     path = folder / name
     if not path.is_file():
         raise InputError(
