@@ -33,7 +33,7 @@ LEAST_AREA, LEAST_TRACER = 1e-4, 1e-7
 
 
 class FadingSquare:
-    """The mean square of errors, of which earlier ones fade; the usual one counts as some more."""
+    """The mean square of errors. Earlier ones fade, and the usual one counts as some more."""
 
     def __init__(self, usual: float, weight: float, memory: float) -> None:
         """Know the `usual` error only, worth `weight` errors; each new one fades by `memory`."""

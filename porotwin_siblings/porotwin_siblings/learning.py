@@ -34,7 +34,7 @@ class Learning:
         """Begin with the belief before any photograph.
 
         Args:
-            unknowns: what the siblings disagree on.
+            unknowns: of the siblings.
             grid: of the siblings.
             count: number of siblings.
 

@@ -30,7 +30,7 @@ HAND_SHARE = 0.002
 """Smallest change that a person sets, as a share of a pump's greatest rate: 1 of 500 ml/h."""
 
 PUMP_ACCURACY = 0.02
-"""Share of its rate by which a pump may be wrong without a remark; the paper's producer delivers
+"""Relative error of a pump that is no remark; the paper's producer delivers
 1 % too little (section 4)."""
 
 OPEN_HORIZON_S = 1800.0

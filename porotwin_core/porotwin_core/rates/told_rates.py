@@ -87,7 +87,7 @@ def other_fluids(rates: WellRates, rig: Rig) -> dict[str, float]:
 def imbalance(rates: WellRates, rig: Rig) -> str:
     """Return in words by how much `rates` [m^3/s] do not balance; '' if they do, or need not.
 
-    They need to if all sides of `rig` are closed, or if a producer takes out what others inject.
+    They need to where all sides of `rig` are closed, and where it has a producer.
     They never add up to zero exactly: pumps differ by `PUMP_ACCURACY`, and displays round.
     """
     net, pumped = net_rate(rates), math.fsum(abs(well.rate) for well in rates.values()) / 2.0
