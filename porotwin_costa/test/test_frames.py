@@ -5,38 +5,17 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, WellRate
 from porotwin_costa.data.frames import (
     Frames,
     enough_seen,
     frame_pairs,
     left_out,
-    mean_rates,
     rate_vector,
     same_time_step,
 )
-
-RATES = st.floats(-500, 500).map(lambda rate: WellRate(from_ml_h(rate), 0.5 if rate > 0 else 0.0))
-
-
-@given(st.lists(st.tuples(st.floats(0, 40), RATES), min_size=1, max_size=5))
-def test_mean_rates_pump_the_same_volume_and_tracer(changes):
-    schedule = Schedule.from_rates([(0.0, {'a': WellRate()}), *((t, {'a': r}) for t, r in changes)])
-    mean = mean_rates(schedule, 5.0, 35.0)['a']
-    intervals = list(schedule.intervals(5.0, 35.0))
-    volume = sum((end - start) * rates['a'].rate for start, end, rates in intervals)
-    assert mean.rate * 30.0 == pytest.approx(volume, abs=1e-15)
-    if all(rates['a'].rate >= 0 for *_, rates in intervals):
-        tracer = sum(
-            (end - start) * rates['a'].rate * rates['a'].concentration
-            for start, end, rates in intervals
-        )
-        assert mean.rate * mean.concentration * 30.0 == pytest.approx(tracer, abs=1e-15)
 
 
 def test_rate_vector_has_the_order_of_the_wells():

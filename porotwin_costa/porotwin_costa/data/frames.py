@@ -13,6 +13,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.geometry.map_blocks import LEAST_SEEN
 from porotwin_core.rates.wells import Schedule, WellRate, WellRates
+from porotwin_core.rates.wells import mean_rates as mean_of_periods
 
 TIME_STEP_TOLERANCE = 0.02
 """Largest relative difference of two equal time steps [-]; a camera's clock jitters."""
@@ -122,24 +123,8 @@ def same_time_step(first: float, second: float) -> bool:
 
 
 def mean_rates(schedule: Schedule, start: float, end: float) -> dict[str, WellRate]:
-    """Return constant rates that pump as much water and tracer from `start` to `end` [s].
-
-    COSTA knows one rate per well and interval, even if the rate changed within it. For a well that
-    injected and produced, the concentration is the mean of its injection.
-    """
-    water: dict[str, float] = {}
-    injected: dict[str, float] = {}
-    tracer: dict[str, float] = {}
-    for low, high, rates in schedule.intervals(start, end):
-        share = (high - low) / (end - start)
-        for name, well in rates.items():
-            water[name] = water.get(name, 0.0) + share * well.rate
-            injected[name] = injected.get(name, 0.0) + share * max(well.rate, 0.0)
-            tracer[name] = tracer.get(name, 0.0) + share * max(well.rate, 0.0) * well.concentration
-    return {
-        name: WellRate(rate, tracer[name] / injected[name] if injected[name] > 0 else 0.0)
-        for name, rate in water.items()
-    }
+    """Return the rates of `core`'s `mean_rates`: COSTA knows one rate per well and interval."""
+    return mean_of_periods(schedule.intervals(start, end))
 
 
 def rate_vector(rates: WellRates, wells: Sequence[str]) -> FloatArray:
