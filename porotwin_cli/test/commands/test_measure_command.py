@@ -143,16 +143,6 @@ def test_empty_maps_and_plumes_far_above_stock_are_told(tmp_path: Path) -> None:
     assert rows[0]['tracer_ml'] is None
 
 
-def test_noisy_maps_in_percent_are_told(tmp_path: Path) -> None:
-    grid = load_rig(small_rig()).grid(94, 56)
-    path, noise = tmp_path / 'percent.nc', np.random.default_rng(1).random(grid.shape)
-    plume = np.hypot(grid.x[None, :] - 0.4, grid.z[:, None] - 0.3) < 0.06
-    with ConcentrationWriter(path, grid) as writer:
-        writer.append(0.0, 100.0 * (0.01 * noise + plume))
-    result = porotwin('measure', path, '--rig', small_rig(), '--json')
-    assert 'was this in percent?' in result.stderr
-
-
 def test_uncalibrated_maps_are_told_with_their_deviation(moving: Path, tmp_path: Path) -> None:
     rig = load_rig(small_rig())
     maps = open_maps(moving, rig)

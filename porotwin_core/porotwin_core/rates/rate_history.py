@@ -392,14 +392,6 @@ class RateHistory:
         """Return the rates in force until `time` [s]."""
         return self._traced_later(math.nextafter(time, -math.inf), time)[-1].rates
 
-    def injected(self, start: float, end: float) -> float:
-        """Return the volume [m^3] that all wells inject from `start` to `end` [s]."""
-        return sum(
-            (period.end - period.start) * max(well.rate, 0.0)
-            for period in self.traced(start, end)
-            for well in period.rates.values()
-        )
-
     def order(self, time: float) -> Order | None:
         """Return the setpoint in force at `time` [s]; None: there is none, or it has ended."""
         orders = [event for event in self._events.values() if isinstance(event, Order)]

@@ -18,10 +18,6 @@ class SetpointDecision:
     valid_until: float
     reason: str
 
-    def expired(self, now: float) -> bool:
-        """Return whether the setpoint is no longer valid at `now` [s]."""
-        return now > self.valid_until
-
 
 def validity(photo_interval: float) -> float:
     """Return the time [s] after its photograph during which a setpoint is valid."""
