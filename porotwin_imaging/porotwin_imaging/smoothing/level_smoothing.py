@@ -40,18 +40,16 @@ class LevelSmoothingSettings:
     """Least and largest reach [cells]."""
     clean_reach: float = 2.3
     """Total variation averages clean sand further than a level, by this factor [-]."""
-    guide_blur: float = 0.27
-    """Blur of the map that gives the levels, relative to the reach [-], so that they do not follow
-    the noise; a front of two cells must stay."""
+    guide_blur_m: float = 0.004
+    """Blur of the map that gives the levels [m], so that they do not follow the noise."""
+    guide_blur_cells: tuple[float, float] = (0.5, 1.5)
+    """Least and largest blur [cells]: a front of two cells must stay."""
 
 
 LEVEL_SMOOTHING = LevelSmoothingSettings()
 
 
 Array = NDArray[Any]
-
-_LARGEST_EXPONENT = 0.5 * NOISE_SPREADS**2
-"""Cells farther than so many standard deviations do not count."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +75,12 @@ class _Widths:
     @classmethod
     def of(cls, cell_m: float) -> Self:
         """Return the widths on cells of `cell_m` [m]."""
-        reach = float(np.clip(LEVEL_SMOOTHING.reach_m / cell_m, *LEVEL_SMOOTHING.reach_cells))
-        return cls(reach, LEVEL_SMOOTHING.guide_blur * reach)
+        return cls(
+            float(np.clip(LEVEL_SMOOTHING.reach_m / cell_m, *LEVEL_SMOOTHING.reach_cells)),
+            float(
+                np.clip(LEVEL_SMOOTHING.guide_blur_m / cell_m, *LEVEL_SMOOTHING.guide_blur_cells)
+            ),
+        )
 
 
 def smooth_along_levels(
@@ -193,7 +195,7 @@ def _average_on_levels(
                     differs = denoised[k, m] - denoised[i, j]
                     levels = (apart * apart + 0.25 * differs * differs) / variance[i, j]
                     exponent = 0.5 * (((k - i) ** 2 + (m - j) ** 2) / width**2 + levels)
-                    if exponent > _LARGEST_EXPONENT:
+                    if exponent > 0.5 * NOISE_SPREADS**2:
                         continue
                     weight = math.exp(-exponent) / variance[k, m]
                     total += weight * residual[k, m]
