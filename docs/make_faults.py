@@ -21,10 +21,10 @@ from faults.stage import CYCLES, PHOTO_INTERVAL_S  # noqa: E402
 from porotwin_core.basis.units import percent  # noqa: E402
 from porotwin_hub.estimation.pump_watch import (  # noqa: E402
     MOST_SHARE,
-    STOPPED_SHARE,
     TESTS_IN_TURN,
     WATCH_S,
 )
+from porotwin_hub.models.plant_knowledge import DEAD_SHARE  # noqa: E402
 
 HEAD = f"""\
 # Faults
@@ -64,7 +64,7 @@ PUMPS = (
         'check pump and tube',
     ),
     (
-        f'It stops, or delivers less than {percent(STOPPED_SHARE)}.',
+        f'It stops, or delivers less than {percent(DEAD_SHARE)}.',
         'hub/cycle: "seems to deliver nothing", with its well',
         'The same. The plan goes on without it.',
         'mend it: two photographs take the belief back',
