@@ -4,7 +4,7 @@
 | --- | --- | --- |
 | noise of the photograph, after denoising | random | scatter of the samples, `level_smoothing` |
 | faint values that may be clean sand | random | the noise |
-| light that was corrected | random | its variance, `light_error` |
+| light that is not that of the baseline | random | colours that tracer does not have |
 | scale, response and sands | systematic | the calibration |
 | place: corners of the rig, curvature, alignment | systematic | slope of the map |
 | blur of lens, cells and denoising | systematic | bend of the map |
