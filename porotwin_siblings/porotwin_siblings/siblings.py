@@ -60,7 +60,7 @@ class _Moment(NamedTuple):
 
 
 class _Standing(NamedTuple):
-    """Where all siblings stand: the newest state, and what each believes."""
+    """The newest state of all siblings, and the beliefs of each."""
 
     begin: _Moment
     members: tuple[Sibling, ...]
