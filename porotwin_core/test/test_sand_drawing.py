@@ -9,8 +9,9 @@ import yaml
 from PIL import Image
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.geometry.grid import MOST_SQUARES
 from porotwin_core.rig import load_rig, parse_rig, write_rig
-from porotwin_core.rig.sand_drawing import MOST_SAND_SQUARES, sand_raster
+from porotwin_core.rig.sand_drawing import sand_raster
 
 SANDS: dict[str, Any] = {
     'coarse': {'porosity': 0.44, 'permeability_m2': 1.0e-9},
@@ -65,7 +66,7 @@ def test_the_points_of_depth_become_a_map() -> None:
 
 def test_a_large_rig_has_larger_squares() -> None:
     raster = sand_raster(2.8, 1.5)
-    assert raster.nx * raster.nz == pytest.approx(MOST_SAND_SQUARES, rel=0.01)
+    assert raster.nx * raster.nz == pytest.approx(MOST_SQUARES, rel=0.01)
 
 
 def test_a_rig_of_layers_survives_writing_and_reading(tmp_path: Path) -> None:

@@ -172,7 +172,7 @@ def test_only_a_run_that_is_simulated_or_replayed_keeps_time() -> None:
 
 
 def test_a_program_without_a_name_is_waited_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('porotwin_core.ros.senders.NAME_PATIENCE_S', 0.2)
+    monkeypatch.setattr('porotwin_core.ros.senders.LONGEST_SEARCH_S', 0.2)
     monkeypatch.setattr('porotwin_core.ros.senders._nameless', set())
     graph: Any = Graph(topic='_NODE_NAME_UNKNOWN_')
     looks = []
@@ -196,7 +196,7 @@ def test_two_senders_of_one_name_are_refused() -> None:
 
 
 def test_a_program_without_a_name_is_a_stranger(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('porotwin_core.ros.senders.NAME_PATIENCE_S', 0.0)
+    monkeypatch.setattr('porotwin_core.ros.senders.LONGEST_SEARCH_S', 0.0)
     graph: Any = Graph(service='_NODE_NAME_UNKNOWN_')
     assert callers(graph, 'asset/control')[0].node.endswith('_NODE_NAME_UNKNOWN_')
     with pytest.raises(InputError, match='a program without a name calls asset/control'):

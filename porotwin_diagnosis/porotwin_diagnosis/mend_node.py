@@ -38,8 +38,8 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.run_topics import follow_run
-from porotwin_core.ros.senders import check_servers, goals_of
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
+from porotwin_core.ros.senders import LONGEST_SEARCH_S, check_servers, goals_of
+from porotwin_core.ros.service_answer import twin_answer_within
 from porotwin_core.ros.single_instance import only_one
 from porotwin_core.ros.vouching import OnlyCaller, Voucher
 from porotwin_diagnosis.mending.finding import read_finding

@@ -20,7 +20,8 @@ from porotwin_core.ros.node import (
     declare_rig,
     run,
 )
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
+from porotwin_core.ros.senders import LONGEST_SEARCH_S
+from porotwin_core.ros.service_answer import twin_answer_within
 from porotwin_core.ros.single_instance import another_lives, only_one
 from porotwin_core.ros.vouching import OnlyCaller, Voucher
 from porotwin_guard.guard import Guard, SetpointRequest

@@ -84,16 +84,7 @@ class TwoStages:
 
 def controller(model: TwoStages, **changes: Any) -> PlanController:
     given = PlanController(
-        LIMITS,
-        OBJECTIVE,
-        model,
-        cells=SHAPE,
-        horizon=1800.0,
-        interval=30.0,
-        end=END,
-        change_cost=10.0,
-        patience=math.inf,
-        pauses=NO_PAUSES,
+        LIMITS, OBJECTIVE, model, SHAPE, 1800.0, 30.0, END, 10.0, math.inf, NO_PAUSES
     )
     return dataclasses.replace(given, **changes)
 

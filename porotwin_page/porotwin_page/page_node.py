@@ -30,7 +30,8 @@ from porotwin_core.ros.node import (
     run,
 )
 from porotwin_core.ros.node_health import CALLBACK_PATIENCE_S
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
+from porotwin_core.ros.senders import LONGEST_SEARCH_S
+from porotwin_core.ros.service_answer import twin_answer_within
 from porotwin_core.ros.vouching import Voucher
 from porotwin_msgs.msg import (
     CleanState,

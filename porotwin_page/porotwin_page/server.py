@@ -27,6 +27,7 @@ from aiohttp.log import server_logger
 from aiohttp.web_protocol import RequestHandler
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.periods import HEARTBEAT_S, POLL_S
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.ros.foreign_words import FewWords, in_short
 from porotwin_page import confirmation
@@ -130,8 +131,8 @@ class StreamSettings:
         limit: browsers that are served at the same time.
     """
 
-    check_period: float = 0.2
-    heartbeat: float = 1.0
+    check_period: float = POLL_S
+    heartbeat: float = HEARTBEAT_S
     send_timeout: float = 20.0
     limit: int = 64
 

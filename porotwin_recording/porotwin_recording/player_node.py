@@ -15,6 +15,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import HOUR_S, LONGEST_EXPERIMENT_S
 from porotwin_core.clock.periods import POLL_S
 from porotwin_core.ros.node import ENDED, Diagnostics, TwinNode, declare, run
+from porotwin_core.ros.single_instance import DISCOVERY_S
 from porotwin_recording.live.player import CLOCK, latched_before
 from porotwin_recording.live.replay_audience import ReplayAudience
 from porotwin_recording.live.replay_clock import ReplayClock
@@ -32,14 +33,9 @@ CLOCK_PERIOD = 0.05
 PATIENCE = 60.0
 """Longest wait for the graph [s]: the start of all nodes on a loaded machine takes half of it."""
 
-SETTLE_PERIOD = 1.0
-"""The replay begins when the graph was ready and unchanged for so long [s].
-
-A subscriber learns of the player a moment after the player learns of the subscriber.
-"""
-
 LOCK_STEP_SETTLE_PERIOD = 5.0
-"""The same in lock-step [s], where no message may be lost.
+"""A replay in lock-step, where no message may be lost, begins when the graph was ready and
+unchanged for so long [s]; another one after `DISCOVERY_S`.
 
 Nodes learn of each other one by one. On a loaded machine one may miss the other's announcement.
 Fast DDS repeats it after 3 s."""
@@ -49,9 +45,6 @@ PROGRESS_PERIOD = 5.0
 
 FASTEST = 1000.0
 """Largest speed relative to the recording; 0 stands for no waiting at all."""
-
-SHORTEST_WAIT = 0.1
-"""Shortest limit of a wait for an answer [s]: less than any cycle takes."""
 
 PHOTOGRAPH_TIME = 'photograph_time'
 """Value in the diagnostics of imaging: the stamp of the photograph that it refuses [s]."""
@@ -125,7 +118,7 @@ class PlayerNode(TwinNode):
             'lockstep_timeout_s',
             60.0,
             'longest wait for that answer [s]',
-            at_least=SHORTEST_WAIT,
+            at_least=POLL_S,
             at_most=HOUR_S,
         )
         self._replay_clock = ReplayClock(rate)
@@ -178,7 +171,7 @@ class PlayerNode(TwinNode):
         level = DiagnosticStatus.WARN if self.failed else DiagnosticStatus.OK
         if self.context.ok():
             self._diagnostics.report(level, 'the bag has ended', **{ENDED: True})
-            self._stopping.wait(SETTLE_PERIOD)
+            self._stopping.wait(DISCOVERY_S)
 
     def _await_graph(self) -> None:
         """Wait until the graph is ready, see `replay_readiness`, and stays so for a moment.
@@ -190,7 +183,7 @@ class PlayerNode(TwinNode):
         begin = settled_since = time.monotonic()
         due = begin + PROGRESS_PERIOD
         before: GraphSeen | None = None
-        settle = LOCK_STEP_SETTLE_PERIOD if self._lockstep else SETTLE_PERIOD
+        settle = LOCK_STEP_SETTLE_PERIOD if self._lockstep else DISCOVERY_S
         while (now := time.monotonic()) < begin + self._patience:
             seen = self._audience.seen(list(self._topics.publishers.values()))
             if seen.simulated is False:

@@ -22,9 +22,10 @@ from porotwin_core.basis.parallel import MOST_WORKERS, YIELDING, LastingCrew, Th
 from porotwin_core.basis.units import MINUTE_S
 from porotwin_core.clock.freshness import stamp_doubts
 from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
+from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.rate_history import RateHistory
-from porotwin_core.rates.rate_periods import OPEN_HORIZON_S, SHORTEST_PERIOD_S
+from porotwin_core.rates.rate_periods import OPEN_HORIZON_S
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import EffectDescription
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
@@ -310,7 +311,7 @@ class SiblingsNode(TwinNode):
         if control is None or control.end_min is None or self._rates.began is None:
             return self._horizon
         left = self._rates.began + MINUTE_S * control.end_min - self.siblings.time
-        return min(left, LONGEST_HORIZON_S) if left > SHORTEST_PERIOD_S else self._horizon
+        return min(left, LONGEST_HORIZON_S) if left > SAME_PHOTOGRAPH_S else self._horizon
 
     def _outlook(self, plan: Sequence[RateStep], horizon: float, *, quick: bool = False) -> Outlook:
         """Return the expectations under `plan` over `horizon` [s].

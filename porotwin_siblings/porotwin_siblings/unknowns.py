@@ -70,10 +70,6 @@ class Unknowns:
         """Number of unknowns."""
         return len(self.listed) + 1
 
-    def index(self, name: str) -> int:
-        """Return the place of the unknown `name`: label of the effect and parameter."""
-        return [f'{one.candidate.label} {one.parameter.name}' for one in self.listed].index(name)
-
     def sibling(self, values: FloatArray) -> Sibling:
         """Return the sibling with `values` of all unknowns [steps], (unknowns,)."""
         numbers = iter(map(float, values))

@@ -82,6 +82,11 @@ def test_the_truth_lies_in_the_bands(threads: Executor) -> None:
         assert low <= siblings.zone.tracer(map_) <= high
 
 
+def place_of(name: str, siblings: Siblings) -> int:
+    listed = siblings.unknowns.listed
+    return [f'{one.candidate.label} {one.parameter.name}' for one in listed].index(name)
+
+
 def test_the_flow_between_reservoirs_is_learnt(threads: Executor) -> None:
     sides = {'left': 'open', 'right': 'open', 'top': 'closed', 'bottom': 'closed'}
     heads = {'left': 0.565, 'right': 0.562}
@@ -94,11 +99,11 @@ def test_the_flow_between_reservoirs_is_learnt(threads: Executor) -> None:
     siblings = Siblings(rig, GRID, executor=threads)
     name = 'permeability factor'
     with pytest.raises(ValueError, match=name):  # wells alone drive the same flow in any sand
-        Siblings(RIG, GRID, executor=threads).unknowns.index(name)
+        place_of(name, Siblings(RIG, GRID, executor=threads))
     siblings.observe(photograph(0.0, EMPTY))
     for time, map_ in zip(times, run_course(order).maps, strict=True):
         siblings.observe(photograph(time, map_), [period(time - 300.0, time)])
-    place = siblings.unknowns.index(name)
+    place = place_of(name, siblings)
     belief, step = siblings.learning.belief, siblings.unknowns.listed[place].parameter.step
     assert step * belief.mean[place] > np.log(1.2)  # the rest is taken for a drift
     true_steps = np.log(1.5) / step

@@ -47,7 +47,7 @@ def test_more_requests_than_may_wait_are_refused() -> None:
 
 
 def test_a_request_that_nobody_waits_for_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('porotwin_solver.service.turns.LOOK_PERIOD_S', 0.0)
+    monkeypatch.setattr('porotwin_solver.service.turns.HEARTBEAT_S', 0.0)
     turns = Turns(1)
     with pytest.raises(CancelledError, match='nobody waits'), turns.turn(lambda: True):
         turns.check()

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 RUNS = Path('runs')
 """Folder of the runs by default; it is made by the first run."""
 
-AT_ONCE = 8
-"""Number of recordings side by side: the disk or the network takes the time."""
-
 HASH_DIGITS = 8
 """Digits of a calibration's hash in the table; --json has all."""
 
@@ -65,7 +62,7 @@ def command(
         # the report on a single recording may lie beside it
         verdicts = KnownVerdicts(folder.absolute().parent if folder in paths else folder)
         entries = []
-        with ThreadPoolExecutor(AT_ONCE) as pool:
+        with ThreadPoolExecutor() as pool:
             bags = [path for path in paths if not is_experiment(path)]
             for entry in pool.map(catalogue_entry, bags, repeat(verdicts)):
                 entries.append(entry)

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-MOST_TOLD = 12
-"""Remarks that are told one by one; a camera that always errs would fill the screen."""
+from porotwin_core.ros.foreign_words import FEW
 
 
 @dataclass
@@ -23,7 +22,7 @@ class PhotoRemarks:
         """Tell the `remarks` about a `photo`, or keep their number."""
         for remark in remarks:
             self._count += 1
-            if self._count <= MOST_TOLD:
+            if self._count <= FEW:
                 self.say(f'{photo}: {remark}')
             else:
                 self._photos.add(photo)
@@ -32,6 +31,6 @@ class PhotoRemarks:
         """Tell how many remarks were not told."""
         if self._photos:
             self.say(
-                f'{self._count - MOST_TOLD} more remarks about {len(self._photos)} photographs; '
+                f'{self._count - FEW} more remarks about {len(self._photos)} photographs; '
                 '--json lists them all'
             )

@@ -44,6 +44,7 @@ from porotwin_hub.launching.graph import (
 from porotwin_hub.launching.node_processes import POLL_S
 from porotwin_hub.launching.processes import GraphProcesses
 from porotwin_page.address import listen, settled
+from porotwin_recording.live.recorder import FLUSH_PERIOD
 from porotwin_recording.tables.concentration import open_maps
 from porotwin_rig.camera import camera_before
 from porotwin_rig.pumps import Pumps
@@ -90,9 +91,6 @@ STALL_S = 120.0
 
 LAST_REPORT_S = 10.0
 """Longest wait for the report of the last photograph [s]."""
-
-LAST_WRITE_S = 1.0
-"""Time for the recorder to write the last messages [s]."""
 
 
 LEAST_TRACER_ML = 0.05
@@ -392,7 +390,7 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
             while not watch.finished.wait(POLL_S):
                 _check(processes, time.monotonic() - newest[0], settings.patience_s, folder)
             reported.wait(LAST_REPORT_S)  # it follows the setpoint that ends the experiment
-            time.sleep(LAST_WRITE_S)
+            time.sleep(FLUSH_PERIOD)  # for the last messages of the bag
 
 
 def _in_lock_step(node: NodeDescription) -> NodeDescription:

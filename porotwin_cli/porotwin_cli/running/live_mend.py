@@ -13,8 +13,8 @@ from porotwin_cli.terminal import WorkFailed
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
-from porotwin_core.ros.senders import TERMINAL
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
+from porotwin_core.ros.senders import LONGEST_SEARCH_S, TERMINAL
+from porotwin_core.ros.service_answer import twin_answer_within
 from porotwin_core.ros.vouching import Voucher
 from porotwin_hub.launching.graph import NAMESPACE
 from porotwin_msgs.msg import MendOffer, Outcome

@@ -134,7 +134,7 @@ def test_empty_maps_and_plumes_far_above_stock_are_told(tmp_path: Path) -> None:
             writer.append(float(time), np.full(grid.shape, value))
     result = porotwin('measure', path, '--rig', small_rig(), '--json')
     assert '2 of 4 maps hold no value, the first at 0 s' in result.stderr
-    assert '1 of 4 maps have a plume above 1.5, the first at 2 s' in result.stderr
+    assert '1 of 4 maps have a plume above 1.3, the first at 2 s' in result.stderr
     assert 'values are read as not known: inf (5,264)' in result.stderr
     rows = json.loads(result.stdout)['rows']
     assert [row['seen'] for row in rows] == [0.0, 0.0, 1.0, 1.0]
@@ -148,7 +148,7 @@ def test_noisy_maps_in_percent_are_told(tmp_path: Path) -> None:
     with ConcentrationWriter(path, grid) as writer:
         writer.append(0.0, 100.0 * (0.01 * noise + plume))
     result = porotwin('measure', path, '--rig', small_rig(), '--json')
-    assert '1 of 1 maps have a plume above 1.5' in result.stderr
+    assert '1 of 1 maps have a plume above 1.3' in result.stderr
 
 
 def test_uncalibrated_maps_are_told_with_their_deviation(moving: Path, tmp_path: Path) -> None:

@@ -4,13 +4,9 @@ import difflib
 from collections.abc import Collection, Iterable
 from unicodedata import normalize
 
-USUALLY_ALIKE = 0.6
-"""Likeness of two names from which one is probably meant by the other [-]: twice the number of
-letters that both have in order, over all letters."""
-
 
 def did_you_mean(
-    name: object, known: Iterable[str], *, within: str = '', alike: float = USUALLY_ALIKE
+    name: object, known: Iterable[str], *, within: str = '', alike: float | None = None
 ) -> str:
     """Return "did you mean 'leak'?" with the name most like `name`; empty if none is like it.
 
@@ -18,10 +14,11 @@ def did_you_mean(
         name: the name that is not known.
         known: the known ones.
         within: the section of the names with a point, which the user reads before the name.
-        alike: the likeness from which on a name is told [-].
+        alike: the likeness from which on a name is told, by `difflib` [-]; None: its default.
     """
     others = [one for one in known if one != str(name)]
-    near = difflib.get_close_matches(str(name), others, n=1, cutoff=alike)
+    cutoff = {} if alike is None else {'cutoff': alike}
+    near = difflib.get_close_matches(str(name), others, n=1, **cutoff)
     return f"did you mean '{within}{near[0]}'?" if near else ''
 
 

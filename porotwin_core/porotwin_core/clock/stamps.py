@@ -11,7 +11,8 @@ SINCE_1970 = 1e9
 or the times count from the start of an experiment."""
 
 SAME_PHOTOGRAPH_S = 0.5
-"""Times of one photograph in several messages, and of its forecast, differ by at most this [s]."""
+"""Times of one photograph in several messages, of its forecast, and of a change of the rates at it
+differ by at most this [s]: clocks of pumps and cameras agree no better."""
 
 SAME_MOMENT_S = 1.0
 """Maps, photographs and times that a person gives belong together within this [s]."""

@@ -16,6 +16,10 @@ FloatArray = NDArray[np.floating]
 SIZE_TOLERANCE = 1e-4
 """Relative difference of two widths or heights that are the same: 0.1 mm of a metre."""
 
+MOST_SQUARES = 250_000
+"""Most squares of a raster, and most cells of a grid, that nobody asked for: a prediction takes a
+second or two, a map of a property 2 MB."""
+
 MOST_IN_A_ROW = 10**9
 """Most cells in a row or column: numbers with hundreds of digits have no size of a cell."""
 

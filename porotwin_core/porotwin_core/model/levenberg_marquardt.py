@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray
 
 ResidualsFn = Callable[[FloatArray], Sequence[FloatArray]]
@@ -51,10 +52,6 @@ FIRST_DAMPING = 1e-3
 
 REJECTED_DAMPING, DAMPING_GROWTH, DAMPING_DECAY = 1e-2, 10.0, 0.2
 """Least damping after a rejected step, and the factors after a rejected and an accepted step."""
-
-RIDGE, LEAST_DIAGONAL = 1e-9, 1e-30
-"""Ridge relative to the trace of the normal matrix, and absolute least diagonal: both keep the
-matrix regular where a parameter changes nothing."""
 
 
 class Bounds(NamedTuple):
@@ -174,8 +171,8 @@ def _bounded_step(
     if not free.any():
         return step
     part = normal[np.ix_(free, free)]
-    diagonal = np.diag(part) + RIDGE * max(float(np.trace(part)), LEAST_DIAGONAL)
+    diagonal = np.diag(part) + ROUND_OFF * max(float(np.trace(part)), np.finfo(float).tiny)
     step[free] = np.linalg.solve(
-        part + np.diag(damping * diagonal + LEAST_DIAGONAL), gradient[free]
+        part + np.diag(damping * diagonal + np.finfo(float).tiny), gradient[free]
     )
     return np.clip(step, -LARGEST_STEP, LARGEST_STEP)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.units import from_ml_h, to_ml_h
+from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import (
     RateStep,
@@ -31,9 +32,6 @@ HAND_SHARE = 0.002
 PUMP_ACCURACY = 0.02
 """Relative error of a pump that is no remark; the paper's producer delivers
 1 % too little (section 4)."""
-
-SHORTEST_PERIOD_S = 0.5
-"""Edges closer than this [s] coincide: clocks of pumps and cameras agree no better."""
 
 OPEN_HORIZON_S = 1800.0
 """How far plans and forecasts look ahead where nobody tells the end of the experiment [s]."""
@@ -86,9 +84,9 @@ def to_predict(periods: Sequence[RatePeriod]) -> tuple[RatePeriod, ...]:
     kept: list[RatePeriod] = []
     for period in periods:
         start = period.start
-        if kept and kept[-1].end - kept[-1].start <= SHORTEST_PERIOD_S:
+        if kept and kept[-1].end - kept[-1].start <= SAME_PHOTOGRAPH_S:
             start = kept.pop().start
-        if kept and period.end - start <= SHORTEST_PERIOD_S:
+        if kept and period.end - start <= SAME_PHOTOGRAPH_S:
             kept[-1] = kept[-1]._replace(end=period.end)
         else:
             kept.append(period._replace(start=start))

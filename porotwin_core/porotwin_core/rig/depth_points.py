@@ -8,13 +8,10 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.regular_file import open_text
-from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import MOST_SQUARES, FloatArray, Grid
 
 DEPTH_SQUARE_M = 0.01
 """Side of the squares of an interpolated depth [m]; plates bend over decimetres."""
-
-MOST_DEPTH_SQUARES = 50_000
-"""Most squares of an interpolated depth: a wrong unit must not fill the memory."""
 
 HEADER = ('x_m', 'z_m', 'depth_m')
 
@@ -27,7 +24,7 @@ def depth_map(points: FloatArray, width: float, height: float) -> FloatArray:
         width: width of the rig [m].
         height: height of the rig [m].
     """
-    grid = Grid.of_squares(DEPTH_SQUARE_M, MOST_DEPTH_SQUARES, width, height)
+    grid = Grid.of_squares(DEPTH_SQUARE_M, MOST_SQUARES, width, height)
     x, z = np.meshgrid(grid.x, grid.z)
     return interpolated(points, np.column_stack([x.ravel(), z.ravel()])).reshape(grid.shape)
 

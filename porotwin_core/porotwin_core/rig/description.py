@@ -15,7 +15,7 @@ from porotwin_core.basis.plain_text import plain
 from porotwin_core.basis.plausibility import LENGTHS
 from porotwin_core.basis.text_with_unit import was_percent
 from porotwin_core.basis.units import permeability_of
-from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.geometry.grid import MOST_SQUARES, FloatArray, Grid, conservative_resample
 from porotwin_core.geometry.polygons import inside
 from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.rig.control_section import Control
@@ -43,9 +43,6 @@ from porotwin_core.rig.sections import (
 
 DEFAULT_CELL_M = 0.005
 """Cell size of the default grid [m]: finer than a plume's front, coarse enough for live control."""
-
-MOST_DEFAULT_CELLS = 250_000
-"""Most cells of a grid that nobody asked for: one prediction takes a second or two."""
 
 FINGERPRINT_LENGTH = 12
 """Hexadecimal digits of a fingerprint: 48 bits, enough to tell the rigs of a laboratory apart."""
@@ -448,10 +445,10 @@ class Rig(Section):
         """Return the grid with square cells nearest to `cell_m` [m].
 
         By default cells measure `DEFAULT_CELL_M`, 187 x 112 on the small rig. On a rig with more
-        than `MOST_DEFAULT_CELLS` of these they are 2, 4, 8, ... times as large.
+        than `MOST_SQUARES` of these they are 2, 4, 8, ... times as large.
         """
         cell = cell_m or DEFAULT_CELL_M
-        while cell_m is None and self.width_m * self.height_m > MOST_DEFAULT_CELLS * cell**2:
+        while cell_m is None and self.width_m * self.height_m > MOST_SQUARES * cell**2:
             cell *= 2.0
         return self.grid(max(1, round(self.width_m / cell)), max(1, round(self.height_m / cell)))
 

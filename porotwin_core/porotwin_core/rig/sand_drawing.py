@@ -12,16 +12,13 @@ from PIL import ImageColor
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import percent
-from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import MOST_SQUARES, FloatArray, Grid
 from porotwin_core.geometry.polygons import inside
 from porotwin_core.rig.rig_picture import rig_picture
 from porotwin_core.rig.sand_sections import SandImage, SandLayer, SandPolygon
 
 SAND_SQUARE_M = 0.002
 """Side of a square [m]: a few grains of coarse sand, below the accuracy of a packing."""
-
-MOST_SAND_SQUARES = 250_000
-"""Most squares of a raster: 2 MB per property in a message; 4 mm on the large rig."""
 
 COLOUR_TOLERANCE = 60.0
 """Largest distance from a colour of the legend, in RGB of 0 to 255: soft edges of a drawing."""
@@ -35,7 +32,7 @@ LabelArray = NDArray[np.integer]
 
 def sand_raster(width: float, height: float) -> Grid:
     """Return the raster over a rig of `width` x `height` [m]."""
-    return Grid.of_squares(SAND_SQUARE_M, MOST_SAND_SQUARES, width, height)
+    return Grid.of_squares(SAND_SQUARE_M, MOST_SQUARES, width, height)
 
 
 def draw_layers(layers: tuple[SandLayer, ...], names: tuple[str, ...], raster: Grid) -> LabelArray:

@@ -60,8 +60,9 @@ ASSET = 'asset'
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 """Name of a node that was discovered a moment ago, or of a program that is no ROS node."""
 
-NAME_PATIENCE_S = 2.0
-"""Longest wait for the name of a node that was just discovered [s]; it takes less than 0.1 s."""
+LONGEST_SEARCH_S = 2.0
+"""Longest wait for a service, or the name of a node, to appear [s]: discovery takes less, and a
+setpoint is due."""
 
 LEASE_S = 20.0
 """Fast DDS forgets a killed process after this time [s], its default."""
@@ -239,7 +240,7 @@ def _named_senders(node: Any, topic: str, *, mangled: bool) -> list[Sender]:
     """
     own = full_name(node, node.get_name())
     readers = node.get_subscriptions_info_by_topic(topic, no_mangle=mangled)
-    deadline = time.monotonic() + NAME_PATIENCE_S
+    deadline = time.monotonic() + LONGEST_SEARCH_S
     while True:
         writers = node.get_publishers_info_by_topic(topic, no_mangle=mangled)
         types = {one.topic_type for one in (*readers, *writers) if sender_name(one) == own}

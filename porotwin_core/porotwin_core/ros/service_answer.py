@@ -13,9 +13,6 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.clock.periods import POLL_S
 from porotwin_core.ros import senders
 
-LONGEST_SEARCH_S = 2.0
-"""Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
-
 
 def answer_within(
     client: Any, request: Any, longest_s: float, *, look: Callable[[], None] = lambda: None

@@ -20,8 +20,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from porotwin_core.basis.errors import InputError
 from porotwin_core.ros import qos, senders
 from porotwin_core.ros.following import follow
-from porotwin_core.ros.senders import cancels_of, goals_of, vouched_by
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
+from porotwin_core.ros.senders import LONGEST_SEARCH_S, cancels_of, goals_of, vouched_by
+from porotwin_core.ros.service_answer import twin_answer_within
 from porotwin_msgs.msg import Vouched
 
 _ACTIONS: Mapping[str, tuple[str, ...]] = {

@@ -26,9 +26,7 @@ from porotwin_costa.correction.corrective_source import corrective_source
 from porotwin_costa.correction.free_run_gate import Judge
 from porotwin_costa.data.frames import Frames, mean_rates
 from porotwin_costa.physics.learnable import Learnable, with_part
-
-COMPARED_STEPS = 12
-"""Steps over which sources are compared, spread evenly; neighbouring ones are nearly equal."""
+from porotwin_costa.physics.physics_fit import COMPARED_FRAMES
 
 LOOKED_AT = 6
 """Places of leaks and patches that are tried: where sigma is largest."""
@@ -122,9 +120,9 @@ class _Step:
 
 
 def _steps(experiments: Sequence[Frames]) -> Iterator[_Step]:
-    """Yield COMPARED_STEPS steps, spread evenly over all pairs of maps."""
+    """Yield COMPARED_FRAMES steps, spread evenly over all pairs of maps."""
     pairs = [(frames, n) for frames in experiments for n in range(len(frames.times) - 1)]
-    chosen = np.linspace(0, len(pairs) - 1, COMPARED_STEPS + 1).round().astype(int)[1:]
+    chosen = np.linspace(0, len(pairs) - 1, COMPARED_FRAMES + 1).round().astype(int)[1:]
     for frames, n in (pairs[k] for k in np.unique(chosen)):
         start, end = float(frames.times[n]), float(frames.times[n + 1])
         before = fill_unseen(frames.concentration[n].astype(float), None)

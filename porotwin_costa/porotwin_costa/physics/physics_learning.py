@@ -21,6 +21,7 @@ from porotwin_core.basis.parallel import Crew
 from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.fitted_effect import Candidate
+from porotwin_core.model.held_out_share import HELD_OUT_SHARE
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.model.learnt_solver import LearntSolver
 from porotwin_costa.data.frames import Frames, cut, resampled, sequences
@@ -37,9 +38,6 @@ SEARCH_COLUMNS = 40
 LEAST_GAIN = 0.1
 """Share of the squared error that a part must take away where it is fitted; less is not worth a
 part, and may be the numerics."""
-
-LEAST_KEPT_GAIN = 0.08
-"""The same share on the kept frames; fronts on a coarse grid alone move by a few per cent."""
 
 CLEAR_GAIN = 0.7
 """Share of the squared error that makes a part so clear that no leak or patch is tried."""
@@ -71,9 +69,6 @@ TRIED_PLACES = 2
 
 MOST_FITTED = 1
 """Most runs for choosing parts: the ones with the largest errors. The last fit is to all runs."""
-
-KEPT_SHARE = 0.25
-"""Share of a single experiment, its end, that is kept to judge parts."""
 
 LAST_ITERATIONS = 3
 """Iterations of the last fit, to all frames."""
@@ -139,7 +134,7 @@ class Share:
             kept, fitted = [Comparison(runs[-1], grid, solver)], runs[:-1]
         else:
             whole = runs[0]
-            end = float(whole.times[0] + (1 - KEPT_SHARE) * (whole.times[-1] - whole.times[0]))
+            end = float(whole.times[0] + (1 - HELD_OUT_SHARE) * (whole.times[-1] - whole.times[0]))
             kept = [Comparison(whole, grid, solver, after=end)]
             fitted = [cut(whole, end)]
         plain = LearntPhysics()
@@ -196,7 +191,7 @@ def learn_physics(
         found = search.with_one_more(best.learnt)
         name = found.learnt.parts[-1].effect
         gain, kept_gain = _gain(best.fitted, found.fitted), _gain(best.kept, found.kept)
-        if gain < LEAST_GAIN or kept_gain < LEAST_KEPT_GAIN:
+        if gain < LEAST_GAIN or kept_gain < LEAST_GAIN:
             say(f'no more physics to learn: {name} takes {percent(max(kept_gain, 0.0))} of the gap')
             break
         say(f'learnt {name}: takes {percent(kept_gain)} of the squared gap left on kept maps')

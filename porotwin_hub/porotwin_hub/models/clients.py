@@ -20,7 +20,8 @@ from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import RateStep, WellRates
 from porotwin_core.rig import Rig
 from porotwin_core.ros import conversions
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S, twin_answer_within
+from porotwin_core.ros.senders import LONGEST_SEARCH_S
+from porotwin_core.ros.service_answer import twin_answer_within
 from porotwin_core.ros.vouching import CALLERS, Voucher
 from porotwin_hub.models.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint, TracerField

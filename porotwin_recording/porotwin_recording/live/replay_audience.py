@@ -10,7 +10,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from porotwin_core.ros.node import DIAGNOSTICS, HEARD_BY, TwinNode, hardware_id
-from porotwin_core.ros.service_answer import LONGEST_SEARCH_S
+from porotwin_core.ros.senders import LONGEST_SEARCH_S
 from porotwin_recording.live.replay_readiness import HUB, RECORDER, GraphSeen, PlayedTopic
 from porotwin_recording.live.replay_topics import QUEUE_DEPTH
 from porotwin_recording.mcap import topic_names

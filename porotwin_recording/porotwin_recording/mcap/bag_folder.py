@@ -11,7 +11,7 @@ from porotwin_core.basis.declared_size import check_declared
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.regular_file import open_regular
 from porotwin_core.rig.yaml_reader import read_yaml_file
-from porotwin_recording.mcap.mcap_index import PIECE
+from porotwin_recording.mcap.mcap_writer import CHUNK_SIZE
 
 METADATA = 'metadata.yaml'
 """Description of a rosbag2 folder."""
@@ -233,7 +233,7 @@ def unpacked(path: Path, target: Path) -> Path:
     try:
         with open_regular(path) as source, target.open('wb') as copy:
             reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
-            while piece := reader.read(PIECE):
+            while piece := reader.read(CHUNK_SIZE):
                 done += copy.write(piece)
                 check_declared(path, (done,))
     except zstandard.ZstdError as error:
@@ -263,7 +263,7 @@ def plain_data(path: Path, data: bytes) -> bytes:
     try:
         plain = bytearray()
         with zstandard.ZstdDecompressor().stream_reader(data) as reader:
-            while piece := reader.read(PIECE):
+            while piece := reader.read(CHUNK_SIZE):
                 plain += piece
                 check_declared('it', (len(plain),))
         return bytes(plain)

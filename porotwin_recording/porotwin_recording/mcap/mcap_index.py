@@ -15,7 +15,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import SeekingReader
+from mcap.reader import FOOTER_SIZE, SeekingReader
 from mcap.records import (
     Channel,
     Chunk,
@@ -30,7 +30,7 @@ from mcap.stream_reader import CRCValidationError, breakup_chunk
 from mcap.summary import Summary
 
 from porotwin_core.basis.declared_size import check_declared
-from porotwin_recording.mcap.mcap_writer import MAGIC
+from porotwin_recording.mcap.mcap_writer import CHUNK_SIZE, MAGIC
 
 RECORD_HEADER = struct.Struct('<BQ')
 """Opcode and length, at the beginning of every MCAP record."""
@@ -54,7 +54,6 @@ MOST_RECORDS = 1_000_000
 NO_PLACE = 0
 """Place of a message index that is not known."""
 
-_FOOTER_SIZE = RECORD_HEADER.size + 20
 _CHECKSUM_SIZE = 4
 
 _CHUNK = re.compile(
@@ -68,11 +67,9 @@ _CHUNK_BEGIN = struct.Struct('<BQQQQI')
 _MESSAGE_BEGIN = struct.Struct('<BQHIQQ')
 """Begin of a message: opcode, length, channel, sequence, log time, publish time."""
 
-PIECE = 1 << 20
-"""Bytes of a chunk that are unpacked at once."""
-
-_WINDOW = 1 << 22
-"""Bytes that are searched at once for the next chunk behind a damage."""
+LARGE_CHUNK = 4 << 20
+"""Size of a chunk above which only the wanted begins of its messages are read, and bytes that are
+searched at once for the next chunk behind a damage [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +224,7 @@ class _ChunkContent:
 
     def _skip(self, count: int) -> None:
         while count > 0:
-            count -= len(self._read(min(count, PIECE)))
+            count -= len(self._read(min(count, CHUNK_SIZE)))
 
     def _read(self, count: int) -> bytes:
         data = self._source.read(count)
@@ -252,12 +249,12 @@ def summary_section(stream: IO[bytes], size: int) -> tuple[int, bytes] | None:
 
     None: the file has no end or no summary, or its summary is damaged.
     """
-    if size < 2 * len(MAGIC) + _FOOTER_SIZE:
+    if size < 2 * len(MAGIC) + FOOTER_SIZE:
         return None
-    stream.seek(size - len(MAGIC) - _FOOTER_SIZE)
-    tail = stream.read(_FOOTER_SIZE + len(MAGIC))
-    opcode, _, start, _, checksum = struct.unpack('<BQQQI', tail[:_FOOTER_SIZE])
-    if opcode != Opcode.FOOTER or tail[_FOOTER_SIZE:] != MAGIC or not 0 < start < size:
+    stream.seek(size - len(MAGIC) - FOOTER_SIZE)
+    tail = stream.read(FOOTER_SIZE + len(MAGIC))
+    opcode, _, start, _, checksum = struct.unpack('<BQQQI', tail[:FOOTER_SIZE])
+    if opcode != Opcode.FOOTER or tail[FOOTER_SIZE:] != MAGIC or not 0 < start < size:
         return None
     stream.seek(start)
     content = stream.read(size - len(MAGIC) - _CHECKSUM_SIZE - start)
@@ -447,13 +444,13 @@ def _next_chunk(stream: IO[bytes], position: int, size: int) -> int | None:
     overlap = _CHUNK_BEGIN.size + len(b'\x04\x00\x00\x00zstd')
     while position < size:
         stream.seek(position)
-        window = stream.read(_WINDOW + overlap)
+        window = stream.read(LARGE_CHUNK + overlap)
         for match in _CHUNK.finditer(window):
             begin = position + match.start()
             _, length, first, last, _, _ = _CHUNK_BEGIN.unpack_from(window, match.start())
             if first <= last and begin + RECORD_HEADER.size + length <= size:
                 return begin
-        position += _WINDOW
+        position += LARGE_CHUNK
     return None
 
 

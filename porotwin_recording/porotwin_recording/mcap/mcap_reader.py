@@ -28,6 +28,7 @@ from porotwin_core.basis.regular_file import open_regular
 from porotwin_recording.mcap.bag_records import BagMessage, Topic, qos_from_yaml
 from porotwin_recording.mcap.mcap_index import (
     DAMAGE,
+    LARGE_CHUNK,
     NO_PLACE,
     RECORD_HEADER,
     Loss,
@@ -40,9 +41,6 @@ from porotwin_recording.mcap.mcap_index import (
 )
 from porotwin_recording.mcap.mcap_writer import MAGIC
 from porotwin_recording.mcap.serialization import SECOND
-
-LARGE_CHUNK = 4 << 20
-"""Size of a chunk above which only the wanted begins of its messages are read [bytes]."""
 
 NO_HEADS: Mapping[str, int] = MappingProxyType({})
 """Every message is wanted as a whole."""

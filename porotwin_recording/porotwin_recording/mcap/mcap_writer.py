@@ -15,12 +15,13 @@ from typing import IO, cast
 
 from mcap.writer import CompressionType, Writer
 
+CHUNK_SIZE = 1 << 20
+"""Bytes of a chunk that are written together, or unpacked at once; memory follows it."""
+
+
 MAGIC = b'\x89MCAP0\r\n'
 PROFILE = 'ros2'
 LIBRARY = 'porotwin'
-
-CHUNK_SIZE = 1 << 20
-"""Size at which a chunk is written without a call of `flush` [bytes]."""
 
 OpenFn = Callable[[Path], io.FileIO]
 """Creates a file for unbuffered writing.
