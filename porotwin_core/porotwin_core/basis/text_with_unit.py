@@ -38,7 +38,6 @@ LENGTH_WORDS = 'write m, as a number alone or with a unit, such as 48 cm or 480 
 """Remedies for a text that is no rate or no length."""
 
 _LENGTH = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([mcd]?m)\s*')
-"""A length with its unit."""
 
 PERCENT = 100.0
 """Largest share that was probably written in percent."""

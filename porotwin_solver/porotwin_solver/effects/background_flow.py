@@ -30,8 +30,7 @@ def drift(physics: Physics, values: Values) -> Physics:
 def candidates(context: SearchContext) -> Sequence[Candidate]:
     """Fit both components in steps that move fronts by one cell.
 
-    Where water stands at several places, or in the sand, its levels drive such a flow: see
-    `water_level`.
+    Levels at several places, or in the sand, drive such a flow by themselves: see `water_level`.
     """
     if len(context.rig.water_bodies) > 1 or context.rig.water_table:
         return []
