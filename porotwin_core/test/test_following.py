@@ -214,7 +214,7 @@ LOOK_EACH_S = 0.05
 def test_a_true_latched_message_is_taken_once_when_the_stranger_has_gone(
     nodes: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr('porotwin_core.ros.following.LOOK_EACH_S', LOOK_EACH_S)
+    monkeypatch.setattr('porotwin_core.ros.following.POLL_S', LOOK_EACH_S)
     imaging, stranger = nodes('imaging'), nodes('stranger')
     imaging.create_publisher(Header, TOPIC, qos.CONFIG).publish(Header(frame_id='true'))
     for silent in (True, False):

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from porotwin_core.ros import single_instance
 from porotwin_core.ros.node import run
 from porotwin_core.ros.single_instance import another_lives, only_one
-single_instance.RELEASE_S = 0.5  # nobody is being stopped
+single_instance.END_S = 0.5  # nobody is being stopped
 
 class Thing(Node):
     def __init__(self):

@@ -6,7 +6,14 @@ a backlog arrives faster than it was taken.
 
 from collections import deque
 
-from porotwin_core.clock.freshness import JITTER, LEARNING_INTERVALS, LEARNING_PHOTOGRAPHS
+PROVING_SETPOINTS = 4
+"""Setpoints in a row that prove a clock."""
+
+PROVING_INTERVALS = 2.5
+"""Photo intervals that they span at least."""
+
+JITTER = 0.25
+"""Largest difference of their latenesses, as a part of the photo interval."""
 
 
 class CameraLag:
@@ -16,7 +23,7 @@ class CameraLag:
         """Begin with clocks that agree; photographs come every `photo_interval` [s]."""
         self._interval = photo_interval
         self._lag = 0.0
-        self._odd: deque[tuple[float, float]] = deque(maxlen=LEARNING_PHOTOGRAPHS)
+        self._odd: deque[tuple[float, float]] = deque(maxlen=PROVING_SETPOINTS)
         """Stamps and latenesses [s] of the last setpoints that came at impossible ages."""
 
     def age(self, stamp: float, now: float) -> float:
@@ -34,8 +41,8 @@ class CameraLag:
         self._odd.append((stamp, now - stamp))
         latenesses = [late for _, late in self._odd]
         if (
-            len(self._odd) < LEARNING_PHOTOGRAPHS
-            or stamp - self._odd[0][0] < LEARNING_INTERVALS * self._interval
+            len(self._odd) < PROVING_SETPOINTS
+            or stamp - self._odd[0][0] < PROVING_INTERVALS * self._interval
             or max(latenesses) - min(latenesses) > JITTER * self._interval
         ):
             return False

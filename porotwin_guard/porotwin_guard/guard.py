@@ -10,12 +10,15 @@ from dataclasses import dataclass
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.units import to_ml_h
-from porotwin_core.clock.photo_interval import VALIDITY_INTERVALS
 from porotwin_core.clock.stamps import SAME_STAMP_S
 from porotwin_core.rates.rate_periods import ROUND_OFF_ML_H
 from porotwin_core.rates.wells import WellRates, net_rate_words
 from porotwin_core.rig import Rig
 from porotwin_guard.camera_lag import CameraLag
+
+VALIDITY_INTERVALS = 3
+"""Photo intervals that a setpoint may be valid (docs/formats.md). The hub has a number of its own:
+the guard judges it."""
 
 
 @dataclass(frozen=True)

@@ -277,9 +277,7 @@ class HubNode(TwinNode):
                 changes = self._planning.take_changes()
                 if changes:
                     self._twin.change_controller(self._planning.planner())
-                if self._model_changed.is_set():
-                    self._model_changed.clear()
-                    self._twin.change_model(self._rig.with_effects(self._effects))
+                self._follow_model()
                 with self._diagnostics.busy(f'state {sequence}', self._longest_cycle):
                     cycle = self._hub.run(ready, self._send, objection=self._objection())
                 cycle.remarks += [*changes, *self._foreign_meters()]
@@ -288,6 +286,15 @@ class HubNode(TwinNode):
                 # the loop outlives any one photograph
                 self.get_logger().error(f'state {sequence} failed: {error!r}')
                 self._diagnostics.report(DiagnosticStatus.ERROR, f'cycle failed: {error!r}')
+
+    def _follow_model(self) -> None:
+        """Weigh tracer as the model with its other effects does; unknown ones change nothing."""
+        if self._model_changed.is_set():
+            self._model_changed.clear()
+            try:
+                self._twin.change_model(self._rig.with_effects(self._effects))
+            except InputError as error:
+                self.get_logger().warning(f'tracer is weighed without the new effects: {error}')
 
     def _log_sequence_of_time(self, ready: ReadyState[NewState]) -> None:
         if ready.time_went_back:

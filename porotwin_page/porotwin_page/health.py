@@ -1,6 +1,6 @@
 """The health of the nodes, in words."""
 
-from porotwin_core.clock.freshness import STALE_AFTER_S
+from porotwin_core.clock.freshness import RESTART_AFTER_S, STALE_AFTER_S
 from porotwin_page.graph_snapshot import GraphSnapshot, Health, Level
 from porotwin_page.json_values import Json, finite
 
@@ -24,7 +24,8 @@ def node_view(name: str, report: Health, steady: float, *, finished: bool, judge
         report: its last report, or the supervisor's on its silence.
         steady: present time on this machine's steady clock [s].
         finished: whether the experiment is over.
-        judged: whether the supervisor judges who is silent; else a node without reports is.
+        judged: whether the supervisor judges who is silent. It starts a silent node again in time;
+            whoever stays silent longer is not watched by it.
     """
     if report.present is False:
         over = finished or report.ended
@@ -34,7 +35,8 @@ def node_view(name: str, report: Health, steady: float, *, finished: bool, judge
         return {'name': name, 'level': 'quiet', 'message': report.message, 'age_s': None}
     age = steady - report.arrival
     level, message = report.level, report.message
-    if level is not Level.SILENT and not judged and age > STALE_AFTER_S:
+    longest = RESTART_AFTER_S if judged else STALE_AFTER_S
+    if level is not Level.SILENT and age > longest:
         level, message = Level.SILENT, f'silent; last said: {message}'
     return {'name': name, 'level': level.value, 'message': message, 'age_s': finite(age, 3)}
 

@@ -22,8 +22,8 @@ from porotwin_page.graph_snapshot import (
     matching,
 )
 
-MOST_BYTES = 256 << 20
-"""Largest file of states [bytes]: 8 hours on the small rig's default grid, less on finer ones."""
+MOST_BYTES = 384 << 20
+"""Largest file of states [bytes]: 12 hours on the small rig's default grid, less on finer ones."""
 
 _STORED = np.dtype('<f2')
 """Half precision: three digits of a concentration."""

@@ -62,7 +62,7 @@ STEP, LONG = Duration(sec=30), Duration(sec=29_000_000)
 SCRIPT = """
 from porotwin_core.ros import single_instance
 from porotwin_solver.solver_node import main
-single_instance.RELEASE_S = 0.5  # nobody is being stopped
+single_instance.END_S = 0.5  # nobody is being stopped
 main()
 """
 

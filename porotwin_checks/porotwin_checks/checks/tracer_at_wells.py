@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from porotwin_checks.known import Known
 from porotwin_checks.near_wells import cells_near
 from porotwin_core.basis.check import Check
-from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.remark import Remark
 from porotwin_core.rates.wells import Schedule
 from porotwin_solver.effects import tracer_storage
@@ -30,6 +29,9 @@ PERCENTILE = 90.0
 
 FILLINGS = 2.0
 """A well counts when it has moved this many times the pores of these cells [-]."""
+
+SAME_FLUID = 0.02
+"""Injected concentrations that differ by less are the same fluid [-]."""
 
 EARLY_MAPS = 4
 """First maps of an injection that are looked at by themselves: later plumes may cover the rig."""
@@ -173,7 +175,7 @@ def _same_fluid(schedule: Schedule, well: str, until: float) -> tuple[float, flo
     volume = concentration = 0.0
     for row, end in zip(rows, ends, strict=False):  # without rows there is one end
         rate = row.rate.rate
-        other_fluid = rate > 0.0 and abs(row.rate.concentration - concentration) > WRITTEN_ROUND_OFF
+        other_fluid = rate > 0.0 and abs(row.rate.concentration - concentration) > SAME_FLUID
         if rate * volume <= 0.0 or other_fluid:
             volume, concentration = 0.0, row.rate.concentration
         volume += (end - row.time) * rate

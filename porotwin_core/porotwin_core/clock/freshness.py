@@ -40,6 +40,9 @@ STALE_AFTER_S = 5.0
 """Nodes report their health every second; one that is silent for longer is stale [s], as in
 diagnostic_aggregator."""
 
+RESTART_AFTER_S = 30.0
+"""A node that is silent for longer is ended [s]; its launcher starts it again."""
+
 
 class StampJudgement(NamedTuple):
     """The belief about the time of a photograph.

@@ -246,6 +246,7 @@ class RateHistory:
         """Announced pauses of the fixed wells, and levels of water, since `began`."""
         self.told_start: float | None = None
         """Start of the experiment [s] as imaging told it last; None: it told none."""
+        self._began_untold = False
         self.began: float | None = None
         """The start that is believed [s]; None: no state was reached yet."""
         self.most_events = MOST_EVENTS
@@ -312,6 +313,9 @@ class RateHistory:
 
     def reach(self, stamp: float) -> None:
         """Count pauses and levels from the start that is believed at a state of `stamp` [s]."""
+        if self._began_untold and self.told_start is not None:
+            self.began = None  # who joined a run before it heard of the start believes it now
+        self._began_untold = self.told_start is None
         self.began = believed_start(self.told_start, self.began, stamp)
         self.pauses = self._announced.since(self.began)
 

@@ -157,6 +157,8 @@ def different_wells(
 
 
 def _same(first: WellRate, second: WellRate, accuracy: float, same: float) -> bool:
+    if (first.rate == 0.0) != (second.rate == 0.0):
+        same = SAME_RATE  # a pump that starts or stops is set, however slow it is
     if abs(first.rate - second.rate) > max(same, accuracy * abs(second.rate)):
         return False
     injects = min(first.rate, second.rate) > 0.0

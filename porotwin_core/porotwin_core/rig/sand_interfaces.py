@@ -45,5 +45,6 @@ def interfaces(rig: Rig) -> Interfaces | None:
         return Interfaces(
             grid, logarithm, np.linspace(known[0], known[-1], LEVELS_OF_A_MAP + 2)[1:-1]
         )
-    levels = (known[1:] + known[:-1]) / 2.0
+    apart = np.diff(known) > 1.5 * SAME_SAND  # values on both sides of a rounding are one sand
+    levels = ((known[1:] + known[:-1]) / 2.0)[apart]
     return Interfaces(grid, logarithm, levels) if levels.size else None

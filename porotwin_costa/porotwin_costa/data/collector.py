@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.geometry.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.wells import WellRate, mean_rates
@@ -177,7 +178,7 @@ class Collector:
         if not (enough_seen(previous) and enough_seen(following)):
             self.dropped[TOO_LITTLE_SEEN] += 1
             return []
-        if begins is None or begins > start:
+        if begins is None or begins > start + SAME_PHOTOGRAPH_S:
             self.dropped['pairs without known rates'] += 1
             return []
         mean = mean_rates(periods)

@@ -58,6 +58,12 @@ MOST_CLIPPED = 0.7
 the scale. Maps from photographs may be clipped to 95 % in the core of the plume. The others are
 then a few odd cells, whose spread says nothing about the noise."""
 
+OUTLIER_DEVIATIONS = 6.0
+"""Changes from frame to frame above this many median changes are moving tracer, not noise."""
+
+LEAST_CHANGE = 0.004
+"""Least median change [-] for this comparison: one step of an 8-bit photograph."""
+
 PLUME_NOISE_GUESS, FRAME_NOISE_GUESS, WIDTH_GUESS = 0.02, 0.01, 1.0
 """Noise in the plume [-], frame noise [-] and width of the grain [cells] that are assumed where a
 recording has too few cells to estimate them."""
@@ -198,7 +204,9 @@ def _frame_noise(maps: FloatArray, full: NDArray[np.bool_]) -> float:
     if np.count_nonzero(both) < FEWEST_VALUES:
         return FRAME_NOISE_GUESS
     change = (maps[1:] - maps[:-1])[both]
-    return float(np.std(change) / np.sqrt(2.0))
+    typical = max(float(np.median(np.abs(change))), LEAST_CHANGE)
+    noise = np.abs(change) < OUTLIER_DEVIATIONS * typical
+    return float(np.std(change[noise]) / np.sqrt(2.0))
 
 
 def _grain_width(maps: FloatArray, full: NDArray[np.bool_]) -> float:

@@ -31,7 +31,7 @@ from porotwin_hub.control.optimisation import Decision, OutOfTimeError
 from porotwin_hub.control.projected_gradient import descend
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.models.forecast import ModelUnavailable, PhysicsModel
-from porotwin_hub.models.plant_knowledge import DEAD_SHARE, NOTHING_LEARNT, PlantKnowledge
+from porotwin_hub.models.plant_knowledge import DEAD_SHARE, NOTHING_LEARNT, STANDS, PlantKnowledge
 from porotwin_hub.objectives.objective import Objective
 from porotwin_hub.objectives.objective_registry import make_objective
 
@@ -185,10 +185,10 @@ class PlanController:
     def _expected(self, plant: PlantKnowledge) -> PlantKnowledge:
         """Return the plant as it is planned with.
 
-        A fixed well that has failed is planned as running: a pause of the injection ends.
+        A fixed well that stands is planned as running: a pause of the injection ends.
         """
         delivery = {
-            name: 1.0 if name in self.limits.fixed and share < DEAD_SHARE else share
+            name: 1.0 if name in self.limits.fixed and share <= STANDS else share
             for name, share in plant.delivery.items()
         }
         return replace(plant, delivery=delivery)

@@ -9,11 +9,8 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from porotwin_core.clock.freshness import STALE_AFTER_S
+from porotwin_core.clock.freshness import RESTART_AFTER_S, STALE_AFTER_S
 from porotwin_hub.launching.node_processes import NodeProcess
-
-RESTART_AFTER_S = 30.0
-"""A node that is silent for longer is ended [s]; its launcher starts it again."""
 
 START_PATIENCE_S = 300.0
 """Longest time from the start of a process to its first report [s]: compiling kernels takes 60."""

@@ -21,10 +21,10 @@ import yaml
 
 from porotwin_core.basis.parent import PARENT, REFUSAL, WRONG_PARAMETERS
 from porotwin_core.basis.plain_text import plain
+from porotwin_core.clock.freshness import RESTART_AFTER_S
 from porotwin_core.clock.periods import END_S
 from porotwin_core.clock.stamps import MACHINE_START_S, STEADY_CLOCK
 from porotwin_hub.launching.graph import NodeDescription
-from porotwin_hub.launching.liveness import RESTART_AFTER_S
 from porotwin_hub.launching.node_processes import POLL_S, kill, process_of
 
 RESTART_PAUSE_S = 1.0

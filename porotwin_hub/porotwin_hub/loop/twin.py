@@ -121,11 +121,11 @@ class Twin:
 
         The rate factors are learnt anew: those of another model may stand for its error.
         """
+        if self._learner is not None:
+            self._learner.begin_anew()
         self._estimation.change_model(mended)
         if self._watch is not None:
             self._watch.change_rig(mended)
-        if self._learner is not None:
-            self._learner.begin_anew()
 
     @property
     def controls(self) -> bool:

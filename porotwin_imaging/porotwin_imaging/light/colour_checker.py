@@ -40,6 +40,8 @@ class ColourCheckerSettings:
     """Change of the power of the tone curve that the chart shows [-]."""
     most_power_misfit: float = 0.02
     """Scatter of the patches about another tone curve above which it is none [log ratio]."""
+    least_diagonal: float = 0.2
+    """Smallest plausible diagonal element of a colour matrix [-]: below, a channel is dead."""
     most_moved: float = 0.01
     """Distance of the chart from its given place, relative to the width of the photograph, above
     which camera or rig have probably moved since the corners were marked [-]. People read corners
@@ -363,4 +365,7 @@ def is_plausible(matrix: Array) -> bool:
     """Return whether a colour matrix (3, 3) is mainly diagonal with positive diagonal elements."""
     diagonal = np.diag(matrix)
     mixing = np.abs(matrix - np.diag(diagonal)).sum(axis=1)
-    return bool((mixing < COLOUR_CHECKER.most_mixing * diagonal).all())
+    return bool(
+        (diagonal > COLOUR_CHECKER.least_diagonal).all()
+        and (mixing < COLOUR_CHECKER.most_mixing * diagonal).all()
+    )

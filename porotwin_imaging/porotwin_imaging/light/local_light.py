@@ -29,8 +29,12 @@ class LocalLightSettings:
 
     blocks_across: int = 140
     """Blocks of cells across the rig whose light is judged: enough for soft shadows."""
+    darkest: float = 0.9
+    """Blocks that are darker by more are no soft shadow [log ratio]: 40 % of the light."""
     least_change: float = 0.02
     """Missing light that no ordinary photograph has [log ratio]; there it stays below 0.01."""
+    least_part: float = 0.01
+    """Share of the sand without tracer that must be changed so [-]."""
 
 
 LOCAL_LIGHT = LocalLightSettings()
@@ -39,8 +43,8 @@ LOCAL_LIGHT = LocalLightSettings()
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_BEND_PENALTY = 0.03
-"""Penalty on bends of the field, relative to the weight of the data of a node."""
+_BEND_PENALTY, _SLOPE_PENALTY = 0.03, 1e-4
+"""Penalties on bends and slopes of the field, relative to the weight of the data of a node."""
 _SMALL, _LARGE = 3, 9
 """Blocks across the windows of averaged hue."""
 _EXPLAINED = 0.5
@@ -86,7 +90,7 @@ def local_light(
     seen = share > VALIDITY.least_visible_share
     grey, hue = split(light)
     tracer = colour.amount(hue)
-    clean = seen & ~_near_tracer(grey, tracer, seen)
+    clean = seen & ~_near_tracer(grey, tracer, seen) & (grey > -LOCAL_LIGHT.darkest)
     if not _is_unusual(grey, clean):
         return None
     field = np.minimum(_smooth_field(grey, clean * share), LIGHT.most_brighter)
@@ -130,26 +134,26 @@ def _is_unusual(missing: Array, clean: Mask) -> bool:
     if not clean.any():
         return False
     smooth = _average(missing, clean, (_WINDOW, _WINDOW))
-    return float((np.abs(smooth[clean]) > LOCAL_LIGHT.least_change).mean()) > LARGE_SHARE
+    return float((np.abs(smooth[clean]) > LOCAL_LIGHT.least_change).mean()) > LOCAL_LIGHT.least_part
 
 
 def _smooth_field(missing: Array, weight: Array) -> Array:
     """Return the smooth field (rows, columns) of missing light.
 
-    The field is bilinear between nodes. Bends at the nodes are penalised; robust
+    The field is bilinear between nodes. Bends and slopes between the nodes are penalised; robust
     weights (Tukey's biweight) leave out objects with sharp edges.
     """
     rows, columns = missing.shape
     nodes = LOCAL_LIGHT.blocks_across // _WINDOW
     count = (max(4, round(nodes * rows / columns)), nodes)
     shape = sparse.kron(_hats(rows, count[0]), _hats(columns, count[1]), format='csr')
-    bends = _bends(count)
+    bends, slopes = _penalties(count)
     robust = np.ones_like(missing)
     for _ in range(FEW_ROUNDS):
         data = sparse.diags((weight * robust).ravel())
         normal = shape.T @ data @ shape
         size = float(np.median(normal.diagonal()[normal.diagonal() > 0]))
-        system = normal + size * _BEND_PENALTY * bends
+        system = normal + size * (_BEND_PENALTY * bends + _SLOPE_PENALTY * slopes)
         found = spsolve(system.tocsc(), shape.T @ (data @ missing.ravel()))
         field = (shape @ found).reshape(missing.shape)
         distance = (missing - field) / LIGHT.tolerance
@@ -172,12 +176,18 @@ def _hats(length: int, nodes: int) -> sparse.csr_matrix:
     )
 
 
-def _bends(count: tuple[int, int]) -> sparse.csr_matrix:
-    """Return the squared bends of a field on `count` nodes (rows, columns)."""
-    rows, columns = (sparse.csr_matrix(np.diff(np.eye(size), 2, axis=0)) for size in count)
-    up = sparse.kron(rows, sparse.identity(count[1]), format='csr')
-    across = sparse.kron(sparse.identity(count[0]), columns, format='csr')
-    return up.T @ up + across.T @ across
+def _penalties(count: tuple[int, int]) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+    """Return the squared bends and slopes of a field on `count` nodes (rows, columns)."""
+    bends: list[Any] = []
+    slopes: list[Any] = []
+    for axis in (0, 1):
+        for order, collected in ((2, bends), (1, slopes)):
+            steps = sparse.csr_matrix(np.diff(np.eye(count[axis]), order, axis=0))
+            parts = [sparse.identity(n) for n in count]
+            parts[axis] = steps
+            whole = sparse.kron(*parts, format='csr')
+            collected.append(whole.T @ whole)
+    return sum(bends[1:], bends[0]), sum(slopes[1:], slopes[0])
 
 
 def _local_light(field: Array, clean: Mask, shape: tuple[int, int], visible: Mask) -> LocalLight:
