@@ -126,5 +126,5 @@ def rig_file(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope='session', params=list(NETWORKS))
 def trained(request: pytest.FixtureRequest, dataset: Dataset) -> CorrectiveModel:
     """Return a trained model, for tests of gate and files; how well it learns is no matter."""
-    settings = TrainingSettings(epochs=8, learning_rate=3e-3)
+    settings = TrainingSettings(epochs=8, learning_rate=3e-3, patience=40)
     return replace(train(dataset, NETWORKS[request.param], settings, seed=21), trust=0.9)

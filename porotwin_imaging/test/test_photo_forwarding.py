@@ -108,4 +108,4 @@ def test_stamps_increase_across_a_restart(tmp_path) -> None:
     # the new source stamps with a clock that has hardly moved
     again = Receiver(lambda: Polled([photo('3.jpg', 9.5)], []), SentPhotos(tmp_path))
     again.forwarder.forward()
-    assert again.times == [pytest.approx(NOW + 10.001, abs=1e-6)]
+    assert again.times == [pytest.approx(NOW + 10.002, abs=1e-6)]

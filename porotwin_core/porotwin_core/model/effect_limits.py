@@ -54,6 +54,3 @@ MOST_LIGHT_GRADIENT = 1000.0
 
 MOST_ROTATION = math.pi
 """Rotation of the picture [rad]: half a turn."""
-
-MOST_IMMOBILE = 0.95
-"""Largest immobile fraction: the flow needs some mobile water."""

@@ -20,10 +20,10 @@ class TrainingSettings:
         InputError: a number is outside its range.
     """
 
-    epochs: int
-    patience: int
+    epochs: int = 150
     batch_size: int = 16
     learning_rate: float = 1e-3
+    patience: int = 40
     window: int = 0
     validation_share: float = 0.15
 

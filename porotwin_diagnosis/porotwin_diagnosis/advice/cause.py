@@ -7,7 +7,7 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_solver.effects.definition.effect import Process
 
 MOST_CHANGE = 1.0
-"""Largest relative change of a rate, or glow over stock, that is believed [-]: all of it."""
+"""Largest believed change of a rate, or glow over stock [-]: nothing, or twice."""
 
 Amounts = Sequence[float]
 """Fitted factors of the changes of a cause, one for each."""

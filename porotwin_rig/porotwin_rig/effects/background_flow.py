@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_VELOCITY
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -17,7 +17,10 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='background_flow',
     order=130,
-    parameters=PARAMETERS['background_flow'],
+    parameters={
+        'x_velocity': Parameter(unit='m/s', low=-MOST_VELOCITY, high=MOST_VELOCITY, default=0.0),
+        'z_velocity': Parameter(unit='m/s', low=-MOST_VELOCITY, high=MOST_VELOCITY, default=0.0),
+    },
     on_rig=change,
     is_repeatable=True,
 )

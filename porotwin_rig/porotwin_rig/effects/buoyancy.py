@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DENSITY_DIFFERENCE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -16,7 +16,11 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='buoyancy',
     order=20,
-    parameters=PARAMETERS['buoyancy'],
+    parameters={
+        'density_difference': Parameter(
+            unit='kg/m3', low=-MOST_DENSITY_DIFFERENCE, high=MOST_DENSITY_DIFFERENCE
+        ),
+    },
     on_rig=change,
     longest_step=15.0,
 )

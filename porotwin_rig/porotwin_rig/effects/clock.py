@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -16,7 +16,9 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='clock',
     order=170,
-    parameters=PARAMETERS['clock'],
+    parameters={
+        'offset': Parameter(unit='s', low=-LONGEST_EXPERIMENT_S, high=LONGEST_EXPERIMENT_S),
+    },
     on_rig=change,
     needs_recording=True,
     is_repeatable=True,

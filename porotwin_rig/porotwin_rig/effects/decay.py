@@ -2,8 +2,8 @@
 
 import math
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_CHANGE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.tracer import Tracer
 from porotwin_rig.true_rig import TrueRig
@@ -20,7 +20,7 @@ def fade(tracer: Tracer, rig: TrueRig, values: Values, duration: float) -> Trace
 EFFECT = AssetEffect(
     name='decay',
     order=50,
-    parameters=PARAMETERS['decay'],
+    parameters={'rate': Parameter(unit='1/s', low=0.0, high=MOST_CHANGE)},
     on_tracer=fade,
     removes_tracer=True,
     longest_step=30.0,

@@ -3,8 +3,8 @@
 depth = nominal * (1 + (factor_centre - 1) (1 - ((x - W/2) / (W/2))^2)), a parabola in x.
 """
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 from porotwin_rig.true_rig import TrueRig
 
@@ -22,7 +22,9 @@ def bulge(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='depth',
     order=90,
-    parameters=PARAMETERS['depth'],
+    parameters={
+        'factor_centre': Parameter(unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, neutral=1.0)
+    },
     on_rig=bulge,
     is_repeatable=True,
 )

@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.basis.units import MOLECULAR_DIFFUSION
+from porotwin_core.model.effect_limits import MOST_DIFFUSION, MOST_DISTANCE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -21,7 +22,16 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='dispersion',
     order=10,
-    parameters=PARAMETERS['dispersion'],
+    parameters={
+        'longitudinal_dispersivity': Parameter(unit='m', low=0.0, high=MOST_DISTANCE),
+        'transverse_dispersivity': Parameter(unit='m', low=0.0, high=MOST_DISTANCE),
+        'diffusion': Parameter(
+            unit='m2/s',
+            low=0.0,
+            high=MOST_DIFFUSION,
+            default=MOLECULAR_DIFFUSION,
+        ),
+    },
     on_rig=change,
     longest_step=7.5,
 )

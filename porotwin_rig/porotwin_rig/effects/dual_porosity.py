@@ -3,8 +3,8 @@
 import math
 from dataclasses import replace
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_CHANGE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.tracer import Tracer
 from porotwin_rig.true_rig import TrueRig
@@ -34,7 +34,10 @@ def exchange(tracer: Tracer, rig: TrueRig, values: Values, duration: float) -> T
 EFFECT = AssetEffect(
     name='dual_porosity',
     order=60,
-    parameters=PARAMETERS['dual_porosity'],
+    parameters={
+        'immobile_fraction': Parameter(unit='-', low=0.0, high=0.95),
+        'exchange_rate': Parameter(unit='1/s', low=0.0, high=MOST_CHANGE),
+    },
     shape=('exchange_rate',),
     on_rig=divide,
     on_tracer=exchange,

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DISTANCE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -23,7 +23,7 @@ def raise_fringe(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='fringe',
     order=137,
-    parameters=PARAMETERS['fringe'],
+    parameters={'rise': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE)},
     on_rig=raise_fringe,
     is_repeatable=True,
 )

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import LEAST_RADIUS, MOST_DISTANCE, MOST_PERMEABILITY_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -26,7 +26,17 @@ def change_zone(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='heterogeneity',
     order=70,
-    parameters=PARAMETERS['heterogeneity'],
+    parameters={
+        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE),
+        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE),
+        'radius': Parameter(unit='m', low=LEAST_RADIUS, high=MOST_DISTANCE),
+        'permeability_factor': Parameter(
+            unit='-',
+            low=1.0 / MOST_PERMEABILITY_FACTOR,
+            high=MOST_PERMEABILITY_FACTOR,
+            neutral=1.0,
+        ),
+    },
     shape=('x', 'z', 'radius'),
     on_rig=change_zone,
     is_repeatable=True,

@@ -1,8 +1,8 @@
 """The light changes: signal = c (1 + level + drift t + gradient (x - W/2)) since a time."""
 
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_CHANGE, MOST_FACTOR, MOST_LIGHT_GRADIENT
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 
@@ -17,7 +17,14 @@ def light(signal: FloatArray, grid: Grid, time: float, values: Values) -> FloatA
 EFFECT = AssetEffect(
     name='illumination',
     order=150,
-    parameters=PARAMETERS['illumination'],
+    parameters={
+        'level': Parameter(unit='-', low=-1.0, high=MOST_FACTOR, default=0.0),
+        'drift': Parameter(unit='1/s', low=-MOST_CHANGE, high=MOST_CHANGE, default=0.0),
+        'gradient': Parameter(
+            unit='1/m', low=-MOST_LIGHT_GRADIENT, high=MOST_LIGHT_GRADIENT, default=0.0
+        ),
+        'since': ONSET,
+    },
     shape=('since',),
     on_signal=light,
     is_repeatable=True,

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_LEAK_ML_H
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rates.wells import WellRate
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -39,7 +39,11 @@ def add_leak(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='leak',
     order=120,
-    parameters=PARAMETERS['leak'],
+    parameters={
+        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE),
+        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE),
+        'rate': Parameter(unit='ml/h', low=-MOST_LEAK_ML_H, high=MOST_LEAK_ML_H),
+    },
     shape=('x', 'z'),
     on_rig=add_leak,
     is_repeatable=True,

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_PERMEABILITY_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -16,7 +16,15 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='permeability',
     order=75,
-    parameters=PARAMETERS['permeability'],
+    parameters={
+        'factor': Parameter(
+            unit='-',
+            low=1.0 / MOST_PERMEABILITY_FACTOR,
+            high=MOST_PERMEABILITY_FACTOR,
+            neutral=1.0,
+            is_logarithmic=True,
+        )
+    },
     on_rig=change,
     is_repeatable=True,
 )

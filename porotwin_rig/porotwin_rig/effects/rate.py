@@ -1,7 +1,7 @@
 """One pump delivers factor times the metered rate since a time."""
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_FACTOR
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, share_after
 
 
@@ -13,7 +13,11 @@ def rate_factor(values: Values, start: float, end: float) -> float:
 EFFECT = AssetEffect(
     name='rate',
     order=100,
-    parameters=PARAMETERS['rate'],
+    parameters={
+        'well': Parameter(unit='name', is_name=True),
+        'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, neutral=1.0),
+        'since': ONSET,
+    },
     shape=('since',),
     rate_factor=rate_factor,
     is_repeatable=True,

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_FACTOR, MOST_ROTATION
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 
@@ -39,7 +39,15 @@ def displace(signal: FloatArray, grid: Grid, time: float, values: Values) -> Flo
 EFFECT = AssetEffect(
     name='registration',
     order=160,
-    parameters=PARAMETERS['registration'],
+    parameters={
+        'dx': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'dz': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'rotation': Parameter(unit='rad', low=-MOST_ROTATION, high=MOST_ROTATION, default=0.0),
+        'scale': Parameter(
+            unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, default=1.0, neutral=1.0
+        ),
+        'since': ONSET,
+    },
     shape=('since',),
     on_picture=displace,
     is_repeatable=True,

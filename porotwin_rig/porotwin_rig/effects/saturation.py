@@ -3,8 +3,8 @@
 import numpy as np
 
 from porotwin_core.geometry.grid import Grid
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 
@@ -16,7 +16,9 @@ def bend(signal: FloatArray, _grid: Grid, _time: float, values: Values) -> Float
 EFFECT = AssetEffect(
     name='saturation',
     order=140,
-    parameters=PARAMETERS['saturation'],
+    parameters={
+        'exponent': Parameter(unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, neutral=1.0)
+    },
     on_signal=bend,
     is_repeatable=True,
 )

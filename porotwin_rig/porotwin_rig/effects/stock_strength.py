@@ -1,7 +1,6 @@
 """A well injects factor times the commanded concentration since a time."""
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect, share_after
 
 
@@ -13,7 +12,11 @@ def stock_factor(values: Values, start: float, end: float) -> float:
 EFFECT = AssetEffect(
     name='stock_strength',
     order=103,
-    parameters=PARAMETERS['stock_strength'],
+    parameters={
+        'well': Parameter(unit='name', is_name=True),
+        'factor': Parameter(unit='-', low=0.0, high=1.0, neutral=1.0),
+        'since': ONSET,
+    },
     shape=('since',),
     stock_factor=stock_factor,
     is_repeatable=True,

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_VISCOSITY_RATIO
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -16,7 +16,11 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='viscosity',
     order=30,
-    parameters=PARAMETERS['viscosity'],
+    parameters={
+        'viscosity_ratio': Parameter(
+            unit='-', low=1.0 / MOST_VISCOSITY_RATIO, high=MOST_VISCOSITY_RATIO, neutral=1.0
+        ),
+    },
     on_rig=change,
     longest_step=15.0,
 )

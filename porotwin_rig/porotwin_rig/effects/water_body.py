@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -26,7 +26,11 @@ def change(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='water_body',
     order=136,
-    parameters=PARAMETERS['water_body'],
+    parameters={
+        'body': Parameter(unit='name', is_name=True),
+        'rise': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, default=1.0, neutral=1.0),
+    },
     on_rig=change,
     is_repeatable=True,
 )

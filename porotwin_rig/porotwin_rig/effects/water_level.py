@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DISTANCE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import SIDES, SideName
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
@@ -23,7 +23,10 @@ def raise_water(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='water_level',
     order=135,
-    parameters=PARAMETERS['water_level'],
+    parameters={
+        side: Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0)
+        for side in SIDES
+    },
     on_rig=raise_water,
     is_repeatable=True,
 )

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DISTANCE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_rig.effects.definition.asset_effect import AssetEffect
 from porotwin_rig.true_rig import TrueRig
 
@@ -18,7 +18,11 @@ def move(rig: TrueRig, values: Values) -> TrueRig:
 EFFECT = AssetEffect(
     name='well_position',
     order=110,
-    parameters=PARAMETERS['well_position'],
+    parameters={
+        'well': Parameter(unit='name', is_name=True),
+        'dx': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'dz': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+    },
     on_rig=move,
     is_repeatable=True,
 )

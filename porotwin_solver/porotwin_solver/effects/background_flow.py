@@ -9,8 +9,7 @@ from numpy.random import Generator
 from porotwin_core.basis.units import HOUR_S
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
 from porotwin_core.model.effect_limits import MOST_VELOCITY
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -74,7 +73,14 @@ EFFECT = Effect(
     name='background_flow',
     order=130,
     scope=Scope.RIG,
-    parameters=PARAMETERS['background_flow'],
+    parameters={
+        'x_velocity': Parameter(
+            unit='m/s', low=-MOST_VELOCITY, high=MOST_VELOCITY, default=0.0, vector='velocity'
+        ),
+        'z_velocity': Parameter(
+            unit='m/s', low=-MOST_VELOCITY, high=MOST_VELOCITY, default=0.0, vector='velocity'
+        ),
+    },
     on_physics=drift,
     candidates=candidates,
     phrase=phrase,

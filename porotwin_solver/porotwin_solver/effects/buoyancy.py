@@ -12,8 +12,7 @@ from numpy.random import Generator
 from porotwin_core.basis.units import GRAVITY, HOUR_S
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
 from porotwin_core.model.effect_limits import MOST_DENSITY_DIFFERENCE
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -84,7 +83,11 @@ EFFECT = Effect(
     name='buoyancy',
     order=20,
     scope=Scope.RIG,
-    parameters=PARAMETERS['buoyancy'],
+    parameters={
+        'density_difference': Parameter(
+            unit='kg/m3', low=-MOST_DENSITY_DIFFERENCE, high=MOST_DENSITY_DIFFERENCE
+        )
+    },
     on_physics=weigh,
     candidates=candidates,
     phrase=phrase,

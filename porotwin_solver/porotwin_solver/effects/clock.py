@@ -5,9 +5,9 @@ from dataclasses import replace
 
 from numpy.random import Generator
 
+from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -49,7 +49,9 @@ EFFECT = Effect(
     name='clock',
     order=170,
     scope=Scope.CAMERA,
-    parameters=PARAMETERS['clock'],
+    parameters={
+        'offset': Parameter(unit='s', low=-LONGEST_EXPERIMENT_S, high=LONGEST_EXPERIMENT_S)
+    },
     on_observation=shift,
     candidates=candidates,
     phrase=phrase,

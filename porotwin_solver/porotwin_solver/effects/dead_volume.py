@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from porotwin_core.basis.units import ML
 from porotwin_core.model.effect_limits import MOST_TUBE_ML
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -43,7 +42,10 @@ EFFECT = Effect(
     name='dead_volume',
     order=106,
     scope=Scope.WELL,
-    parameters=PARAMETERS['dead_volume'],
+    parameters={
+        'well': Parameter(unit='name', is_name=True, is_scored=False),
+        'volume': Parameter(unit='ml', low=0.0, high=MOST_TUBE_ML),
+    },
     on_physics=fill,
     candidates=candidates,
     phrase=phrase,

@@ -8,8 +8,7 @@ from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
 from porotwin_core.model.effect_limits import MOST_CHANGE
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -50,7 +49,7 @@ EFFECT = Effect(
     name='decay',
     order=50,
     scope=Scope.RIG,
-    parameters=PARAMETERS['decay'],
+    parameters={'rate': Parameter(unit='1/s', low=0.0, high=MOST_CHANGE)},
     on_physics=fade,
     candidates=candidates,
     phrase=phrase,

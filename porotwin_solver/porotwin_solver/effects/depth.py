@@ -9,8 +9,8 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, factor_off_one
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -48,7 +48,9 @@ EFFECT = Effect(
     name='depth',
     order=90,
     scope=Scope.RIG,
-    parameters=PARAMETERS['depth'],
+    parameters={
+        'factor_centre': Parameter(unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, neutral=1.0)
+    },
     on_physics=bulge,
     candidates=candidates,
     phrase=phrase,

@@ -11,8 +11,8 @@ from numpy.random import Generator
 
 from porotwin_core.basis.units import MOLECULAR_DIFFUSION
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DIFFUSION, MOST_DISTANCE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -125,7 +125,22 @@ EFFECT = Effect(
     name='dispersion',
     order=10,
     scope=Scope.RIG,
-    parameters=PARAMETERS['dispersion'],
+    parameters={
+        'longitudinal_dispersivity': Parameter(
+            unit='m', low=0.0, high=MOST_DISTANCE, may_be_fixed=True
+        ),
+        'transverse_dispersivity': Parameter(
+            unit='m', low=0.0, high=MOST_DISTANCE, may_be_fixed=True
+        ),
+        'diffusion': Parameter(
+            unit='m2/s',
+            low=0.0,
+            high=MOST_DIFFUSION,
+            default=MOLECULAR_DIFFUSION,
+            may_be_fixed=True,
+            is_scored=False,
+        ),
+    },
     on_physics=spread,
     candidates=candidates,
     phrase=phrase,

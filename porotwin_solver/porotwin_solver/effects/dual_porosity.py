@@ -10,8 +10,7 @@ from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
 from porotwin_core.model.effect_limits import MOST_CHANGE
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import Parameter, Reading, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -26,6 +25,9 @@ MOST_EXCHANGE = 30.0
 """Largest exchange rate [-] times the duration of a recording that a search tries. Faster exchange
 spreads a front as dispersion does, and no recording tells them apart. With a rate of 1/s the steps
 of the model alone decided, and a left-out dispersion was called immobile water with 0.98."""
+
+MOST_IMMOBILE = 0.95
+"""Largest immobile fraction: the flow needs some mobile water."""
 
 
 def divide(physics: Physics, values: Values) -> Physics:
@@ -73,7 +75,14 @@ EFFECT = Effect(
     name='dual_porosity',
     order=60,
     scope=Scope.RIG,
-    parameters=PARAMETERS['dual_porosity'],
+    parameters={
+        'immobile_fraction': Parameter(
+            unit='-', low=0.0, high=MOST_IMMOBILE, reading=Reading(100.0, '%')
+        ),
+        'exchange_rate': Parameter(
+            unit='1/s', low=0.0, high=MOST_CHANGE, reading=Reading(3600.0, 'per hour')
+        ),
+    },
     on_physics=divide,
     candidates=candidates,
     phrase=phrase,

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DISTANCE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Effect, Scope
@@ -42,7 +42,7 @@ EFFECT = Effect(
     name='fringe',
     order=137,
     scope=Scope.RIG,
-    parameters=PARAMETERS['fringe'],
+    parameters={'rise': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE)},
     on_physics=raise_fringe,
     candidates=candidates,
     phrase=phrase,

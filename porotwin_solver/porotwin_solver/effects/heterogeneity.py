@@ -17,8 +17,8 @@ from porotwin_core.model.blind_draw import (
     log_uniform,
     place_near_injector,
 )
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import LEAST_RADIUS, MOST_DISTANCE, MOST_PERMEABILITY_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import (
     Candidate,
@@ -115,7 +115,18 @@ EFFECT = Effect(
     name='heterogeneity',
     order=70,
     scope=Scope.PLACE,
-    parameters=PARAMETERS['heterogeneity'],
+    parameters={
+        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, is_scored=False),
+        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, is_scored=False),
+        'radius': Parameter(unit='m', low=LEAST_RADIUS, high=MOST_DISTANCE, is_scored=False),
+        'permeability_factor': Parameter(
+            unit='-',
+            low=1.0 / MOST_PERMEABILITY_FACTOR,
+            high=MOST_PERMEABILITY_FACTOR,
+            neutral=1.0,
+            is_logarithmic=True,
+        ),
+    },
     on_physics=change_zone,
     candidates=candidates,
     places=PlaceSearch(trials, strength_factors=(0.3, 2.0), sized_trials=sized_trials),

@@ -7,9 +7,8 @@ from numpy.random import Generator
 
 from porotwin_core.basis.units import HOUR_S, MINUTE_S
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.model.effect_limits import MOST_CHANGE, MOST_LIGHT_GRADIENT
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_CHANGE, MOST_FACTOR, MOST_LIGHT_GRADIENT
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Reading, Values
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -84,7 +83,16 @@ EFFECT = Effect(
     name='illumination',
     order=150,
     scope=Scope.CAMERA,
-    parameters=PARAMETERS['illumination'],
+    parameters={
+        'level': Parameter(
+            unit='-', low=-1.0, high=MOST_FACTOR, default=0.0, reading=Reading(100.0, '%')
+        ),
+        'drift': Parameter(unit='1/s', low=-MOST_CHANGE, high=MOST_CHANGE, default=0.0),
+        'gradient': Parameter(
+            unit='1/m', low=-MOST_LIGHT_GRADIENT, high=MOST_LIGHT_GRADIENT, default=0.0
+        ),
+        'since': ONSET,
+    },
     on_observation=light,
     candidates=candidates,
     begins=begins,

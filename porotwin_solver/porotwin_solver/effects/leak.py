@@ -14,9 +14,8 @@ from porotwin_core.model.blind_draw import (
     place_near_injector,
     random_sign,
 )
-from porotwin_core.model.effect_limits import MOST_LEAK_ML_H
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_LEAK_ML_H
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Leak, Physics, SourceSink
 from porotwin_solver.effects.definition.candidate import (
     Candidate,
@@ -90,7 +89,11 @@ EFFECT = Effect(
     name='leak',
     order=120,
     scope=Scope.PLACE,
-    parameters=PARAMETERS['leak'],
+    parameters={
+        'x': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, is_scored=False),
+        'z': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, is_scored=False),
+        'rate': Parameter(unit='ml/h', low=-MOST_LEAK_ML_H, high=MOST_LEAK_ML_H),
+    },
     on_physics=lose_or_gain,
     candidates=candidates,
     places=PlaceSearch(trials, strength_factors=(0.0, 3.0)),

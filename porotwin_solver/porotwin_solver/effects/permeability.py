@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from porotwin_core.model.effect_limits import MOST_PERMEABILITY_FACTOR
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -69,7 +68,15 @@ EFFECT = Effect(
     name='permeability',
     order=75,
     scope=Scope.RIG,
-    parameters=PARAMETERS['permeability'],
+    parameters={
+        'factor': Parameter(
+            unit='-',
+            low=1.0 / MOST_PERMEABILITY_FACTOR,
+            high=MOST_PERMEABILITY_FACTOR,
+            neutral=1.0,
+            is_logarithmic=True,
+        )
+    },
     on_physics=change,
     candidates=candidates,
     believed=believed,

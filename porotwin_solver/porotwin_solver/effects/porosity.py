@@ -8,8 +8,7 @@ from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, factor_off_one
 from porotwin_core.model.effect_limits import MOST_FACTOR
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -66,7 +65,9 @@ EFFECT = Effect(
     name='porosity',
     order=80,
     scope=Scope.RIG,
-    parameters=PARAMETERS['porosity'],
+    parameters={
+        'factor': Parameter(unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, neutral=1.0)
+    },
     on_physics=scale,
     candidates=candidates,
     phrase=phrase,

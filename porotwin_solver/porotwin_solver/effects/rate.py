@@ -6,8 +6,8 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, factor_off_one
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_FACTOR
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_core.rates.delivered_rates import RATE_DEVIATION
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.physics import Physics
@@ -85,7 +85,11 @@ EFFECT = Effect(
     name='rate',
     order=100,
     scope=Scope.WELL,
-    parameters=PARAMETERS['rate'],
+    parameters={
+        'well': Parameter(unit='name', is_name=True, is_scored=False),
+        'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, neutral=1.0),
+        'since': ONSET,
+    },
     on_physics=misdeliver,
     candidates=candidates,
     begins=candidates,

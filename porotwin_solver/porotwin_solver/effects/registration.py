@@ -10,8 +10,8 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, displacement
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_FACTOR, MOST_ROTATION
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -79,7 +79,21 @@ EFFECT = Effect(
     name='registration',
     order=160,
     scope=Scope.CAMERA,
-    parameters=PARAMETERS['registration'],
+    parameters={
+        'dx': Parameter(
+            unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0, vector='displacement'
+        ),
+        'dz': Parameter(
+            unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0, vector='displacement'
+        ),
+        'rotation': Parameter(
+            unit='rad', low=-MOST_ROTATION, high=MOST_ROTATION, default=0.0, is_scored=False
+        ),
+        'scale': Parameter(
+            unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, default=1.0, neutral=1.0
+        ),
+        'since': ONSET,
+    },
     on_observation=move,
     candidates=candidates,
     begins=candidates,

@@ -6,8 +6,8 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_RETARDATION
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
@@ -46,7 +46,9 @@ EFFECT = Effect(
     name='retardation',
     order=40,
     scope=Scope.RIG,
-    parameters=PARAMETERS['retardation'],
+    parameters={
+        'retardation_factor': Parameter(unit='-', low=1.0, high=MOST_RETARDATION, neutral=1.0)
+    },
     on_physics=sorb,
     candidates=candidates,
     phrase=phrase,

@@ -6,8 +6,8 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_FACTOR
+from porotwin_core.model.effect_parameter import Parameter, Reading, Values
 from porotwin_solver.coefficients.observation_operator import ObservationOperator
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -40,7 +40,11 @@ EFFECT = Effect(
     name='saturation',
     order=140,
     scope=Scope.CAMERA,
-    parameters=PARAMETERS['saturation'],
+    parameters={
+        'exponent': Parameter(
+            unit='-', low=1.0 / MOST_FACTOR, high=MOST_FACTOR, neutral=1.0, reading=Reading(1.0, '')
+        ),
+    },
     on_observation=bend,
     candidates=candidates,
     phrase=phrase,

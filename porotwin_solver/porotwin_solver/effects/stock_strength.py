@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -44,7 +43,11 @@ EFFECT = Effect(
     name='stock_strength',
     order=103,
     scope=Scope.WELL,
-    parameters=PARAMETERS['stock_strength'],
+    parameters={
+        'well': Parameter(unit='name', is_name=True, is_scored=False),
+        'factor': Parameter(unit='-', low=0.0, high=1.0, neutral=1.0),
+        'since': ONSET,
+    },
     on_physics=exchange,
     candidates=candidates,
     begins=begins,

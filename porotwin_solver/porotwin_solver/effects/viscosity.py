@@ -6,8 +6,8 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_VISCOSITY_RATIO
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -47,7 +47,11 @@ EFFECT = Effect(
     name='viscosity',
     order=30,
     scope=Scope.RIG,
-    parameters=PARAMETERS['viscosity'],
+    parameters={
+        'viscosity_ratio': Parameter(
+            unit='-', low=1.0 / MOST_VISCOSITY_RATIO, high=MOST_VISCOSITY_RATIO, neutral=1.0
+        )
+    },
     on_physics=thicken,
     candidates=candidates,
     phrase=phrase,

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.effect_limits import MOST_DISTANCE, MOST_FACTOR
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Effect, Process, Scope
@@ -55,7 +54,11 @@ EFFECT = Effect(
     name='water_body',
     order=136,
     scope=Scope.RIG,
-    parameters=PARAMETERS['water_body'],
+    parameters={
+        'body': Parameter(unit='name', is_name=True, is_scored=False),
+        'rise': Parameter(unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0),
+        'factor': Parameter(unit='-', low=0.0, high=MOST_FACTOR, default=1.0, neutral=1.0),
+    },
     on_physics=change,
     candidates=candidates,
     phrase=phrase,

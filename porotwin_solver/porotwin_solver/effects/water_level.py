@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from porotwin_core.basis.units import conductivity_of
 from porotwin_core.model.effect_limits import MOST_DISTANCE
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_core.rig import SIDES, Rig, SideName
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -93,7 +92,16 @@ EFFECT = Effect(
     name='water_level',
     order=135,
     scope=Scope.RIG,
-    parameters=PARAMETERS['water_level'],
+    parameters={
+        side: Parameter(
+            unit='m',
+            low=-MOST_DISTANCE,
+            high=MOST_DISTANCE,
+            default=0.0,
+            vector='rise',
+        )
+        for side in SIDES
+    },
     on_physics=raise_water,
     candidates=candidates,
     phrase=phrase,

@@ -6,8 +6,8 @@ from dataclasses import replace
 from numpy.random import Generator
 
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, displacement
-from porotwin_core.model.effect_parameter import Values
-from porotwin_core.model.library_parameters import PARAMETERS
+from porotwin_core.model.effect_limits import MOST_DISTANCE
+from porotwin_core.model.effect_parameter import Parameter, Values
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
 from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
@@ -61,7 +61,15 @@ EFFECT = Effect(
     name='well_position',
     order=110,
     scope=Scope.WELL,
-    parameters=PARAMETERS['well_position'],
+    parameters={
+        'well': Parameter(unit='name', is_name=True, is_scored=False),
+        'dx': Parameter(
+            unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0, vector='displacement'
+        ),
+        'dz': Parameter(
+            unit='m', low=-MOST_DISTANCE, high=MOST_DISTANCE, default=0.0, vector='displacement'
+        ),
+    },
     on_physics=move,
     candidates=candidates,
     phrase=phrase,
