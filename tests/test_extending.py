@@ -26,6 +26,7 @@ def test_new_files_are_all_that_extensions_need(tmp_path: Path) -> None:
     packages = sorted(path.parent for path in ROOT.glob('porotwin_*/setup.py'))
     for package in packages:
         shutil.copytree(package, tmp_path / package.name)
+    shutil.copytree(ROOT / 'tests' / 'fixtures', tmp_path / 'tests' / 'fixtures')
     for name in ('pyproject.toml', 'conftest.py'):
         shutil.copy2(ROOT / name, tmp_path)
     tests = [name for page in PAGES for name in written(page, tmp_path)]
