@@ -118,6 +118,12 @@ def test_a_pale_spot_of_a_photograph_is_noise() -> None:
     assert plume_measures(spot, GRID, PORES, deviation=deviation).tracer_ml == 0.0
 
 
+def test_noise_of_packed_values_is_no_plume() -> None:
+    noise = 0.003 * np.abs(np.random.default_rng(8).standard_normal(GRID.shape))
+    packed = 0.004 * np.round(noise / 0.004)
+    assert plume_measures(packed, GRID, PORES).tracer_ml == 0.0
+
+
 def test_a_leaning_plume_has_a_correlation() -> None:
     leaning = np.exp(-(((X - 0.5) - (Z - 0.3)) ** 2) / 0.002 - ((X - 0.5) ** 2) / 0.02)
     assert plume_measures(leaning, GRID, PORES).spread_xz > 0.5

@@ -217,6 +217,9 @@ def _least_inside(shown: Array, seen: Array) -> float:
     """Return the least concentration of the plume's inside [-] in a map; see `LEAST_INSIDE`."""
     peak = float(shown.max(initial=0.0))
     clean = shown[seen & (shown < PLUME_THRESHOLD * peak)]
+    pale = shown[seen & (shown > 0.0)]
+    if pale.size > SMALLEST_PART and pale.min() >= PLUME_THRESHOLD * peak:
+        return LEAST_INSIDE  # the steps of packed values hide noise
     if not clean.size or np.quantile(np.abs(clean), NOISE_SHARE) > NOISE_FREE * peak:
         return LEAST_INSIDE
     return LEAST_INSIDE * min(peak, 1.0)
