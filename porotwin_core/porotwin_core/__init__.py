@@ -8,6 +8,6 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import porotwin_core.basis.libraries  # noqa: F401  before all others: it names old libraries
 
-__version__ = '0.2.0'
+__version__ = '0.3.0'
 PROGRAM = f'PoroTwin {__version__}'
 """Name and version of this program, as files name it."""

@@ -1,12 +1,14 @@
 """Real COSTA nodes in processes of their own, and a client that plays asset, solver and hub."""
 
 import itertools
+import math
 import os
 import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,9 @@ from porotwin_msgs.srv import Predict, Residual
 
 GRID = '30x20'
 
+ASKED_EACH_S = 10.0
+"""A node that gives no answer in this time [s] is asked again."""
+
 HIDDEN = slice(6, 9)
 """Columns behind a tube: never seen."""
 
@@ -47,14 +52,22 @@ class Client:
         self._clients: dict[str, Any] = {}
         self._thread = NodeThread(self.node, self.solver, self._terminal, threads=3)
 
-    def wait(self, future: Any) -> Any:
+    def wait(self, future: Any, patience_s: float = PATIENCE_S) -> Any:
         """Return the result of a future."""
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
-        assert done.wait(PATIENCE_S), f'no answer in {PATIENCE_S} s'
+        assert done.wait(patience_s), f'no answer in {patience_s} s'
         return future.result()
 
-    def call(self, service: Any, name: str, request: Any, *, vouched: bool = True) -> Any:
+    def call(
+        self,
+        service: Any,
+        name: str,
+        request: Any,
+        *,
+        vouched: bool = True,
+        patience_s: float = PATIENCE_S,
+    ) -> Any:
         """Return the answer of a service, once it is there; vouch where that is needed."""
         if name not in self._clients:
             node = self._terminal if name in CALLERS else self.node
@@ -64,7 +77,7 @@ class Client:
         assert client.wait_for_service(PATIENCE_S), f'{name} absent after {PATIENCE_S} s'
         if vouched and name in CALLERS:
             self.voucher.vouch(name, request)
-        return self.wait(client.call_async(request))
+        return self.wait(client.call_async(request), patience_s)
 
     def action(self, *, vouched: bool = True, **goal: Any) -> tuple[Any, list[Any]]:
         """Send a training goal; return its handle and a list that grows with its feedback."""
@@ -221,8 +234,20 @@ class Asset:
             self._wait_for_trainer()
 
     def _wait_for_trainer(self) -> None:
-        """Return when the trainer has taken one message of each topic that waits there."""
-        self._client.call(ListParameters, 'trainer/list_parameters', ListParameters.Request())
+        """Return when the trainer has taken one message of each topic that waits there.
+
+        DDS loses an answer to a client that the trainer does not know yet: it is asked again.
+        """
+        for _ in range(math.ceil(PATIENCE_S / ASKED_EACH_S)):
+            with suppress(AssertionError):
+                self._client.call(
+                    ListParameters,
+                    'trainer/list_parameters',
+                    ListParameters.Request(),
+                    patience_s=ASKED_EACH_S,
+                )
+                return
+        raise AssertionError(f'the trainer gives no answer in {PATIENCE_S} s')
 
     def close(self) -> None:
         """End the node, so that the next asset is the only one."""

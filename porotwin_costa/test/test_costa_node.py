@@ -134,7 +134,7 @@ def test_costa_answers_like_the_model_that_it_loaded(
         for kind, name in ((LoadModel, 'costa/load'), (SaveModel, 'costa/save')):
             refused = client.call(kind, name, kind.Request(path=path))
             assert refused.outcome.code == Outcome.INVALID_INPUT
-            assert len(refused.outcome.message) < 400
+            assert len(refused.outcome.message) < 600
     request.wells[0].well = 'nobody'
     refused = client.call(CorrectiveSource, 'costa/corrective_source', request)
     assert refused.outcome.code == Outcome.INVALID_INPUT
