@@ -352,3 +352,17 @@ def test_answers_do_not_depend_on_what_was_forgotten(events: list[Event], time: 
     kept, forgetting = history_of(*events), history_of(*events)
     forgetting.forget_before(time)
     assert forgetting.periods(time, 2000.0) == kept.periods(time, 2000.0)
+
+
+@pytest.mark.parametrize(
+    ('start', 'end', 'rate_ml_h', 'why'),
+    [(40.0, 50.0, 5e6, 'send m'), (55.0, 40.0, 400.0, 'send start <= stamp')],
+)
+def test_rates_that_no_pump_can_have_are_refused_by_everybody(
+    start: float, end: float, rate_ml_h: float, why: str
+) -> None:
+    history = RateHistory.of(SMALL)
+    rates = {'control1': WellRate(from_ml_h(rate_ml_h))}
+    with pytest.raises(InputError, match=why):
+        history.add_known(KnownRates(start, end, rates))
+    assert history.begins is None

@@ -40,6 +40,7 @@ from porotwin_core.rates.rate_periods import (
     RatePeriod,
     different_wells,
     joined,
+    largest_rate,
     same_by_hand,
     same_rates,
 )
@@ -246,6 +247,7 @@ class RateHistory:
         """Announced pauses of the fixed wells, and levels of water, since `began`."""
         self.told_start: float | None = None
         """Start of the experiment [s] as imaging told it last; None: it told none."""
+        self._largest = math.inf
         self._began_untold = False
         self.began: float | None = None
         """The start that is believed [s]; None: no state was reached yet."""
@@ -264,6 +266,7 @@ class RateHistory:
             same_by_hand(rig),
         )
         history.told_start = told_start
+        history._largest = largest_rate(rig)
         return history
 
     @property
@@ -291,8 +294,9 @@ class RateHistory:
         """Add rates that were measured or confirmed; the later ones of the same times count.
 
         Raises:
-            InputError: a well is unknown.
+            InputError: a well is unknown, or no pump can have pumped so.
         """
+        known.refuse_impossible(self._largest)
         self._add(known)
 
     def take_back(self, stamp: float) -> None:

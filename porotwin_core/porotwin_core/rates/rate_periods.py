@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
+from porotwin_core.basis.plausibility import plausible_rate_ml_h
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.rates.safe_rates import safe_rates
@@ -55,6 +56,27 @@ class KnownRates(NamedTuple):
     def is_open(self) -> bool:
         """Whether the rates hold until something else is known."""
         return self.end <= self.start
+
+    def refuse_impossible(self, largest: float) -> None:
+        """Check the times, and that no rate is beyond `largest` [m^3/s], which no pump here has.
+
+        Raises:
+            InputError: a rate is larger, or the times are not in order.
+        """
+        if not (math.isfinite(self.start) and self.start <= self.end):
+            late = self.start - self.end
+            raise InputError(f'they begin {late:.3f} s after their end; send start <= stamp')
+        for name, well in self.rates.items():
+            if abs(well.rate) > largest:
+                raise InputError(
+                    f"well '{name}': {to_ml_h(well.rate):.4g} ml/h, but this rig stands at most "
+                    f'{to_ml_h(largest):.4g} ml/h; send m^3/s'
+                )
+
+
+def largest_rate(rig: Rig) -> float:
+    """Return the rate [m^3/s] that no pump of `rig` exceeds."""
+    return from_ml_h(plausible_rate_ml_h(rig.pore_volume)[1])
 
 
 class RatePeriod(NamedTuple):

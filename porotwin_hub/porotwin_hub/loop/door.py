@@ -1,15 +1,12 @@
 """The door of the hub: states and measured rates are checked here, before anything uses them."""
 
-import math
-
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.plausibility import plausible_rate_ml_h
 from porotwin_core.basis.remark import Remark
-from porotwin_core.basis.units import percent, to_ml_h
+from porotwin_core.basis.units import percent
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rates.rate_periods import KnownRates, balanced
+from porotwin_core.rates.rate_periods import KnownRates, balanced, largest_rate
 from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
 
@@ -53,7 +50,7 @@ class Door:
         self._grid = grid
         self._wells = set(rig.wells)
         self._balancing_well = rig.control.producer if rig.control and rig.closed else None
-        _, self._largest_ml_h = plausible_rate_ml_h(rig.pore_volume)
+        self._largest = largest_rate(rig)
 
     def check_state(self, concentration: FloatArray, grid: Grid) -> None:
         """Return if a map (nz, nx) on `grid` can be a state of the rig.
@@ -79,17 +76,11 @@ class Door:
             InputError: a well is unknown, a rate is larger than any pump of this rig can have, or
                 the times are not in order.
         """
-        if not (math.isfinite(start) and start <= end):
-            raise InputError(f'they begin {start - end:.3f} s after their end; send start <= stamp')
-        for name, well in rates.items():
+        for name in rates:
             if name not in self._wells:
                 known = ', '.join(sorted(self._wells))
                 raise InputError(f"well '{name}' is not in rig.yaml; known: {known}")
-            if abs(to_ml_h(well.rate)) > self._largest_ml_h:
-                raise InputError(
-                    f"well '{name}': {to_ml_h(well.rate):.4g} ml/h, but this rig stands at most "
-                    f'{self._largest_ml_h:.4g} ml/h; send m^3/s'
-                )
+        KnownRates(start, end, rates).refuse_impossible(self._largest)
         if self._balancing_well is not None:
             rates = balanced(rates, self._balancing_well)
         return KnownRates(start, end, rates)

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.photo_list import IMAGING_FILE, PhotoLine, read_photo_list
 from porotwin_core.basis.remark import Remark
 
@@ -35,12 +34,12 @@ class GrowingProtocol:
                 return False, []
             try:
                 lines = list(read_photo_list(path))
-            except InputError as error:
+                entries = {(path.parent / line.name).resolve(): line for line in lines}
+            except ValueError as error:  # a zero in a name, or InputError
                 fault, self._fault = self._fault, str(error)
                 told = fault == self._fault
                 remark = Remark(IMAGING_FILE, '', self._fault, '', code='wrong_protocol')
                 return False, [] if told else [remark]
-            self.entries = {(path.parent / line.name).resolve(): line for line in lines}
-            self._stamp, self._fault = stamp, ''
+            self.entries, self._stamp, self._fault = entries, stamp, ''
             return True, []
         return False, []

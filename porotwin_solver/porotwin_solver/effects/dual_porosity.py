@@ -57,10 +57,10 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 
 def phrase(values: Values) -> str:
     """Say how much water is immobile, and how fast it exchanges."""
-    return (
-        f'{number(100 * values["immobile_fraction"])} % of the pore water stand still and '
-        f'exchange tracer with the rest within {time_span(1 / values["exchange_rate"])}'
-    )
+    still = f'{number(100 * values["immobile_fraction"])} % of the pore water stand still and '
+    if values['exchange_rate'] == 0.0:
+        return f'{still}exchange no tracer with the rest'
+    return f'{still}exchange tracer with the rest within {time_span(1 / values["exchange_rate"])}'
 
 
 def draw(generator: Generator, context: DrawContext) -> DrawnValues:
