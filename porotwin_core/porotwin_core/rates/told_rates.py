@@ -7,9 +7,8 @@ import math
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
-from porotwin_core.basis.plausibility import plausible_rate_ml_h
 from porotwin_core.basis.units import to_ml_h
-from porotwin_core.rates.rate_periods import PUMP_ACCURACY, SAME_RATE
+from porotwin_core.rates.rate_periods import PUMP_ACCURACY, SAME_RATE, largest_rate
 from porotwin_core.rates.wells import WellRates, net_rate, net_rate_words
 from porotwin_core.rig import Rig
 
@@ -23,7 +22,7 @@ FAR_OFF = 3.0
 
 def greatest_rate_ml_h(rig: Rig) -> float:
     """Return the greatest plausible rate of a well of `rig` [ml/h]."""
-    greatest = plausible_rate_ml_h(rig.pore_volume)[1]
+    greatest = to_ml_h(largest_rate(rig))
     control = rig.control
     if control is None:
         return greatest

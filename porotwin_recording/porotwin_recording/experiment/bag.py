@@ -102,18 +102,18 @@ def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) 
     collector.remove_unknown_wells(rig)
     chosen = _chosen(bag, joined(collector.segments), segment)
     start = chosen.start_stamp()
-    remarks = list(bag.remarks)
+    left_out: list[str] = []
     if collector.imported:
         measured = _tabled(chosen, start)
     else:
-        measured = _delivered(chosen, start, rig, remarks)
+        measured = _delivered(chosen, start, rig, left_out)
     return RecordedData(
         rig,
         commanded=_schedule(chosen, start, are_orders=True),
         measured=measured,
         maps=_maps(bag, chosen, start, rig),
         photos=_photos(bag, chosen, start),
-        remarks=tuple(dict.fromkeys([*remarks, *bag.remarks])),
+        remarks=(*bag.remarks, *left_out[:1]),
         replaced_rig=replaced,
     )
 
@@ -393,17 +393,16 @@ def _tabled(segment: Segment, start: int) -> Schedule | None:
     return measured_to(schedule, max(0, end - start) / SECOND)
 
 
-def _delivered(segment: Segment, start: int, rig: Rig, remarks: list[str]) -> Schedule | None:
+def _delivered(segment: Segment, start: int, rig: Rig, left_out: list[str]) -> Schedule | None:
     """Return the rates in force as the messages told them; None where they are the setpoints.
 
-    Rates that no pump can have are left out, with one of the `remarks`, as the hub does.
+    Rates that no pump can have are not used, as in the hub; `left_out` gets a line about each.
     """
     if not segment.told:
         return None
     history = RateHistory.of(rig)
     history.reach(0.0)
     history.most_events = len(segment.told)
-    left_out: list[str] = []
     for one in segment.told:
         begin, end = (one.start - start) / SECOND, (one.end - start) / SECOND
         if one.is_order:
@@ -413,7 +412,6 @@ def _delivered(segment: Segment, start: int, rig: Rig, remarks: list[str]) -> Sc
                 history.add_known(KnownRates(begin, end, one.rates))
             except InputError as error:
                 left_out.append(f'measured rates at {begin:.0f} s are left out: {error}')
-    remarks += left_out[:1]
     ends = (one.start if one.is_order else one.end for one in segment.told)
     states = (key.stamp for key in segment.photos if key.role == 'state')
     end = (max(*ends, *segment.maps, *states, start) - start) / SECOND
