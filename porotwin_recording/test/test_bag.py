@@ -290,6 +290,23 @@ def test_rates_that_the_hub_ignored_are_left_out(tmp_path: Path) -> None:
     assert "2 messages of rates left out: well 'in': well rate nan" in recording.remarks[0]
 
 
+def test_rates_that_no_pump_can_have_are_left_out_of_a_bag(tmp_path: Path) -> None:
+    write_live_bag(
+        tmp_path / 'run.mcap',
+        [
+            ('/lab/rig/description', rig_to_msg(controlled_rig())),
+            ('/lab/asset/clean_state', stamped(CleanState(cause=CleanState.START), SECOND)),
+            ('/lab/wells/measured', measured(SECOND, 'in', 1e-7)),
+            ('/lab/wells/measured', measured(2 * SECOND, 'in', 1.0)),
+            ('/lab/asset/new_state', state(4 * SECOND, 0.5)),
+        ],
+    )
+    recording = open_recording(tmp_path / 'run.mcap')
+    assert recording.measured is not None
+    assert {row.rate.rate for row in recording.measured.rows} == {1e-7}
+    assert any('send m^3/s' in remark for remark in recording.remarks)
+
+
 def test_a_wrong_rig_description_is_named_and_a_rig_yaml_replaces_it(
     rig_file: Path, tmp_path: Path
 ) -> None:
