@@ -13,7 +13,7 @@ from typing import TextIO
 import pytest
 from hypothesis import settings
 
-from porotwin_core.ros.ros_environment import leave_shared_memory
+from porotwin_core.ros.ros_environment import has_nodes, leave_shared_memory
 
 for _threads in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
     # workers of xdist and nodes share the cores; threads of small products only wait for each other
@@ -47,8 +47,13 @@ _next = itertools.cycle(_own_domains())
 
 
 def _claimed_domain() -> int:
-    """Return a DDS domain and keep it from other tests on this machine until `_release`."""
+    """Return a DDS domain without nodes; keep it from other tests on this machine until `_release`.
+
+    A busy machine may still run nodes of a test that has ended.
+    """
     for number in itertools.islice(_next, len(_own_domains())):
+        if has_nodes(number):
+            continue
         claim = (Path(tempfile.gettempdir()) / f'porotwin_test_domain_{number}').open('w')
         try:
             fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -57,7 +62,7 @@ def _claimed_domain() -> int:
             continue
         _claims[number] = claim
         return number
-    raise RuntimeError(f'other tests use all DDS domains of this worker, {list(_own_domains())}')
+    raise RuntimeError(f'nodes or tests use all DDS domains of this worker, {list(_own_domains())}')
 
 
 def _release(number: int, *, nodes: bool = True) -> None:

@@ -157,8 +157,7 @@ def check_room(environ: Mapping[str, str]) -> None:
         InputError: the domain is full.
     """
     domain = domain_of(environ)
-    first = FIRST_PORTS[-1] + DOMAIN_PORTS * domain
-    if environ.get(RANGE) == 'LOCALHOST' and all(_is_taken(first + 2 * one) for one in PROGRAMS):
+    if environ.get(RANGE) == 'LOCALHOST' and all(map(_is_taken, _own_ports(domain))):
         raise InputError(
             f'{DOMAIN} {domain}: {len(PROGRAMS)} programs run in this domain on this machine, and '
             'no more find each other; end some, or give the twin a domain of its own (--domain)'
@@ -291,7 +290,7 @@ def claim_domain() -> DomainClaim:
     if os.environ.get(DOMAIN, '').strip():
         return DomainClaim(domain_of(os.environ))
     for domain in FREE_DOMAINS:
-        if _has_nodes(domain):
+        if has_nodes(domain):
             continue
         try:
             claim = DomainClaim(domain)
@@ -302,9 +301,16 @@ def claim_domain() -> DomainClaim:
     raise InputError(f'all domains up to {FREE_DOMAINS[-1]} are in use; end some graphs')
 
 
-def _has_nodes(domain: int) -> bool:
+def has_nodes(domain: int) -> bool:
     """Return whether nodes run in `domain` on this machine, also those of other programs."""
-    return any(_is_taken(first + DOMAIN_PORTS * domain) for first in FIRST_PORTS)
+    shared = FIRST_PORTS[0] + DOMAIN_PORTS * domain
+    return any(map(_is_taken, (shared, *_own_ports(domain))))
+
+
+def _own_ports(domain: int) -> list[int]:
+    """Return the ports that the `PROGRAMS` of a domain open for themselves."""
+    first = FIRST_PORTS[-1] + DOMAIN_PORTS * domain
+    return [first + 2 * number for number in PROGRAMS]
 
 
 def _is_taken(number: int) -> bool:
