@@ -4,6 +4,7 @@ import pytest
 from history_examples import MONDAY, TUESDAY, cause, finding, pump, value
 
 from porotwin_diagnosis.history.comparison import compared
+from porotwin_diagnosis.history.joint_belief import prior_from
 
 
 def test_a_second_finding_that_agrees_is_no_drift():
@@ -53,10 +54,18 @@ def test_a_drift_says_which_way_it_goes(old, new, way):
 
 
 def test_a_leak_that_moves_is_neither_weaker_nor_stronger():
-    places = [cause('leak', x=value(x)) for x in (0.2, 0.4)]
+    places = [cause('leak', x=value(x), z=value(0.3)) for x in (0.2, 0.28)]
     monday, tuesday = (finding(p, date=d) for p, d in zip(places, (MONDAY, TUESDAY), strict=True))
-    (line,) = compared([monday], tuesday)
-    assert line.startswith('leak x drifts: 200 mm on 2026-11-23, 400 mm now')
+    line, same = compared([monday], tuesday)
+    assert line.startswith('leak x drifts: 200 mm on 2026-11-23, 280 mm now')
+    assert same.startswith('leak z: 300 mm now')
+
+
+def test_a_leak_elsewhere_is_another_leak():
+    places = [cause('leak', x=value(x), z=value(0.3)) for x in (0.2, 0.8)]
+    monday, tuesday = (finding(p, date=d) for p, d in zip(places, (MONDAY, TUESDAY), strict=True))
+    assert compared([monday], tuesday) == ['leak is new: no earlier recording showed it there.']
+    assert len(prior_from([monday, tuesday]).causes) == 2
 
 
 NAMES = (('retardation', 'retardation_factor'), ('porosity', 'factor'))

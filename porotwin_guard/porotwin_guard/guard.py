@@ -177,10 +177,5 @@ def _ranges_ml_h(rig: Rig) -> dict[str, tuple[float, float]]:
     ranges = dict.fromkeys(control.wells, (0.0, control.max_rate_ml_h))
     ranges |= {name: (well.rate_ml_h, well.rate_ml_h) for name, well in control.fixed.items()}
     if control.producer is not None:
-        fixed_ml_h = math.fsum(well.rate_ml_h for well in control.fixed.values())
-        most_ml_h = max(control.max_total_rate_ml_h + fixed_ml_h, 0.0)
-        ranges[control.producer] = (
-            -min(most_ml_h, control.max_producer_rate_ml_h or math.inf),
-            0.0,
-        )
+        ranges[control.producer] = (-control.most_taken_ml_h, 0.0)
     return ranges | dict.fromkeys(rig.wells.keys() - ranges.keys(), (0.0, 0.0))

@@ -251,3 +251,15 @@ def test_a_pausing_well_may_rest_and_a_producer_takes_out_no_more_than_it_may() 
     half = rates(100.0, injector=250.0, producer=-350.0)
     assert "well 'injector'" in refusal(subject, request(rates=half))
     assert 'allows -600 to 0 ml/h' in refusal(subject, request(rates=rates(101.0)))
+
+
+def test_a_producer_takes_out_more_while_a_well_that_takes_out_rests() -> None:
+    assert RIG.control is not None
+    fixed = dict(RIG.control.fixed)
+    fixed['control3'] = type(fixed['injector'])(rate_ml_h=-200.0, pauses_min=((7.0, 14.0),))
+    control = RIG.control.model_copy(update={'fixed': fixed, 'wells': ('control1', 'control2')})
+    assert control.most_taken_ml_h == 1000.0
+    subject = Guard(RIG.model_copy(update={'control': control}), photo_interval=30.0)
+    subject.check(request(rates=rates(300.0, control2=200.0, producer=-1000.0)), now=NOW)
+    most = rates(300.0, control2=200.0, control3=-200.0, producer=-800.0)
+    subject.check(request(rates=most), now=NOW)

@@ -86,8 +86,7 @@ def _check_wells(path: Path, pumps: dict[str, PumpEntry], rig: Rig) -> None:
     fixed = {name: abs(well.rate_ml_h) for name, well in control.fixed.items()}
     needed = {**dict.fromkeys(control.wells, control.max_rate_ml_h), **fixed}
     if control.producer is not None:
-        most = control.max_total_rate_ml_h + sum(fixed.values())
-        needed[control.producer] = min(most, control.max_producer_rate_ml_h or math.inf)
+        needed[control.producer] = control.most_taken_ml_h
     for well, rate_ml_h in needed.items():
         if well not in pumps:
             raise InputError(f"{path}: well '{well}' has no pump; name one for every well in use")

@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from porotwin_core.rig import Control, Rig
+from porotwin_core.rig import Rig
 from porotwin_core.rig.control_zones import control_zones
 
 
@@ -15,7 +15,7 @@ def control_words(rig: Rig) -> list[str]:
     limits = [
         f'{", ".join(control.wells)} up to {control.max_rate_ml_h:g} ml/h each',
         f'{control.most_total_ml_h:g} ml/h together',
-        f'{control.producer} takes out up to {_producer_ml_h(control):g} ml/h'
+        f'{control.producer} takes out up to {control.most_taken_ml_h:g} ml/h'
         if control.producer is not None
         else '',
         f'in steps of {control.rate_step_ml_h:g} ml/h',
@@ -36,11 +36,6 @@ def control_words(rig: Rig) -> list[str]:
         f'objective: {name}; zones: {zones}; a new order must save '
         f'{control.change_cost_ml_min:g} ml min of it',
     ]
-
-
-def _producer_ml_h(control: Control) -> float:
-    """Return the largest rate that the producer is ordered to take out [ml/h]."""
-    return max(control.most_total_ml_h + control.most_fixed_ml_h, 0.0)
 
 
 def _part(part: object) -> str:

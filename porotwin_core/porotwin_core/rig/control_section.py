@@ -306,6 +306,11 @@ class Control(Section):
         return min(self.max_total_rate_ml_h, self.max_producer_rate_ml_h - self.most_fixed_ml_h)
 
     @property
+    def most_taken_ml_h(self) -> float:
+        """The largest rate that the producer can be ordered to take out [ml/h]."""
+        return max(self.most_total_ml_h + self.most_fixed_ml_h, 0.0)
+
+    @property
     def most_total_words(self) -> str:
         """`most_total_ml_h` with its origin."""
         most = self.most_total_ml_h

@@ -103,8 +103,8 @@ def _gone(earlier: Sequence[PastFinding], new: PastFinding) -> Iterator[str]:
 
 def _fresh(named: Sequence[CauseCourse]) -> Iterator[str]:
     fresh = (course.latest for course in named if len(course.found) == 1)
-    for name in sorted({_what(cause) for cause in fresh}):
-        yield f'{name} is new: no earlier recording showed it.'
+    for name, placed in sorted({(_what(cause), 'x' in cause.values) for cause in fresh}):
+        yield f'{name} is new: no earlier recording showed it{" there" * placed}.'
 
 
 def _of(cause: FoundCause, parameter: str) -> str:

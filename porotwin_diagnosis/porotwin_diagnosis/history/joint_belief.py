@@ -43,7 +43,8 @@ class CauseCourse:
 def courses(findings: Sequence[PastFinding]) -> list[CauseCourse]:
     """Return the courses of all causes in `findings`, which are sorted by date.
 
-    Of several leaks or zones, those that lie nearest to each other belong together.
+    Of several leaks or zones, those that lie nearest to each other belong together, and none
+    farther apart than `SAME_PLACE_M`.
     """
     found: list[CauseCourse] = []
     for finding in findings:
@@ -54,7 +55,7 @@ def courses(findings: Sequence[PastFinding]) -> list[CauseCourse]:
                 (course.latest.distance(cause), number, index)
                 for number, course in enumerate(open_courses)
                 for index, cause in enumerate(left)
-                if (course.latest.effect, course.latest.well) == (cause.effect, cause.well)
+                if course.latest.may_be(cause)
             ]
             if not pairs:
                 break

@@ -26,6 +26,8 @@ from porotwin_solver.effects import EFFECTS
 FILE = 'belief.json'
 """File of a folder of findings."""
 
+SAME_PLACE_M = 0.1
+"""Distance of two leaks or zones that may be one [m]: as far as a weak gap leaves a place open."""
 
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -76,6 +78,11 @@ class FoundCause(_Record):
         if unknown:
             raise ValueError(f'{self.effect} has no parameter {unknown[0]}')
         return self
+
+    def may_be(self, other: 'FoundCause') -> bool:
+        """Return whether both may be one cause: one effect at one well, and nearly at one place."""
+        same = (self.effect, self.well) == (other.effect, other.well)
+        return same and self.distance(other) <= SAME_PLACE_M
 
     def distance(self, other: 'FoundCause') -> float:
         """Return the distance [m] to `other`: 0 if the effect has no place."""

@@ -12,6 +12,7 @@ from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.advice.remainder_form import WELL_CLOSED
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
+from porotwin_diagnosis.history.past_findings import SAME_PLACE_M
 from porotwin_diagnosis.report.named_rows import named_rows, verdict_words
 from porotwin_solver.effects import EFFECTS, effect
 from porotwin_solver.effects.definition.effect import Scope
@@ -19,9 +20,6 @@ from porotwin_solver.service.effects_in_force import in_words
 
 LEAST_GAIN = 0.1
 """Least share of the error of the model that an offered effect removes."""
-
-SAME_PLACE_M = 0.1
-"""Distance of two leaks or zones that may be one [m]: as far as a weak gap leaves a place open."""
 
 SAME_SIZE = 0.3
 """Difference of two sizes of an effect that is no news, as a share of the larger one."""
