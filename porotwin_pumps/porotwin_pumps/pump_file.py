@@ -1,6 +1,5 @@
 """The pump file: the pump of every well, and its serial line."""
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
