@@ -67,3 +67,10 @@ def test_a_confirmation_names_its_sender_and_what_differs() -> None:
         r'confirmed by /rig/\x1b[2Jpage: setpoint 23 is set, but barrier1 at 170.0 ml/h'
     )
     assert confirmation_in_words(4, {}, '/page') == 'confirmed by /page: setpoint 4 is set'
+
+
+def test_a_pump_of_fine_steps_is_told_exactly() -> None:
+    rates = {name: WellRate(from_ml_h(rate)) for name, rate in (('a', 12.25), ('b', 0.04))}
+    words = announce(1, rates, {})
+    assert words.speech == 'Set a to 12.25. Set b to 0.04.'
+    assert ' 12.25 ml/h' in words.text

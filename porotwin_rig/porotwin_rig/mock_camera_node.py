@@ -10,6 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.photo_list import PHOTO_SUFFIXES
 from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.node import TwinNode, declare, run
 from porotwin_recording.tables.photos import read_photos
@@ -18,8 +19,6 @@ from porotwin_rig.faults import FAULTS, parse_faults
 SETTLE_S = 4.0
 """Wait after subscribers and nodes are there [s]: DDS may match their side of the connection later.
 Fast DDS repeats an announcement that a busy machine lost after 3 s."""
-
-SUFFIXES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 
 
 class MockCameraNode(TwinNode):
@@ -104,7 +103,7 @@ def _photographs(
         return roles[0], roles[1]
     if not folder.is_dir():
         raise InputError(f"photos '{folder}': no such folder")
-    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES)
     if len(paths) < 2:
         raise InputError(f"photos '{folder}': needs a baseline and at least one state")
     return [(0.0, paths[0])], [(n * interval, path) for n, path in enumerate(paths[1:], 1)]

@@ -12,6 +12,8 @@ IMAGING_FILE = 'imaging.csv'
 HEADER = ('time_s', 'path', 'role')
 DILUTION_HEADER = (*HEADER, 'concentration')
 """Header of a list with known dilutions."""
+PHOTO_SUFFIXES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
+"""Endings of the files that imaging reads, in small letters."""
 Role = Literal['baseline', 'state', 'dilution']
 
 

@@ -42,6 +42,15 @@ def to_ml_h(rate: float) -> float:
     return rate / ML_H
 
 
+def setting_ml_h(rate: float) -> str:
+    """Return a rate [m^3/s] as a person sets it at a pump, in ml/h: 500.0, 12.25 or 0.001.
+
+    It has as many decimals as the rate, from one to three.
+    """
+    exact = f'{round(to_ml_h(rate), 3) + 0.0:.3f}'
+    return exact[:-2] + exact[-2:].rstrip('0')
+
+
 def from_ml_min(dose_ml_min: float) -> float:
     """Return a dose [m^3 s], tracer in the disallowed zone over time, from ml min."""
     return dose_ml_min * ML_MIN

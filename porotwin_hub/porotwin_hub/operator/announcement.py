@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from porotwin_core.basis.plain_text import plain
-from porotwin_core.basis.units import to_ml_h
+from porotwin_core.basis.units import setting_ml_h
 from porotwin_core.clock.stamps import SINCE_1970
 from porotwin_core.rates.rate_periods import SAME_RATE, different_wells
 from porotwin_core.rates.wells import WellRate, WellRates
@@ -82,7 +82,7 @@ def confirmation_in_words(sequence: int, otherwise: WellRates, who: str) -> str:
         who: full name of the node that asked.
     """
     differs = ', '.join(
-        f'{plain(well)} at {to_ml_h(rate.rate) + 0.0:.1f} ml/h' for well, rate in otherwise.items()
+        f'{plain(well)} at {setting_ml_h(rate.rate)} ml/h' for well, rate in otherwise.items()
     )
     return f'confirmed by {in_short(who)}: setpoint {sequence} is set' + (
         f', but {differs}' * bool(differs)
@@ -92,13 +92,13 @@ def confirmation_in_words(sequence: int, otherwise: WellRates, who: str) -> str:
 def _table(title: str, rates: WellRates, before: WellRates, changed: tuple[str, ...]) -> str:
     lines = [title]
     for well, rate in rates.items():
-        line = f'  {plain(well):12} {to_ml_h(rate.rate) + 0.0:8.1f} ml/h'
+        line = f'  {plain(well):12} {setting_ml_h(rate.rate):>8} ml/h'
         if well in changed:
             last = before.get(well)
             if last is None or abs(rate.rate - last.rate) <= SAME_RATE:
                 line += '   <-- set'
             else:
-                line += f'   <-- was {to_ml_h(last.rate) + 0.0:.1f}'
+                line += f'   <-- was {setting_ml_h(last.rate)}'
         lines.append(line)
     return '\n'.join(lines)
 
@@ -107,7 +107,7 @@ def _order(well: str, rate: WellRate) -> str:
     """Return one short sentence that a voice reads well, such as 'Set control 2 to minus 740.'"""
     head = well.rstrip('0123456789')
     name = plain(f'{head} {well[len(head) :]}').replace('_', ' ').strip()
-    value = round(to_ml_h(rate.rate), 1)
+    value = float(setting_ml_h(rate.rate))
     if value == 0.0:
         return f'Switch {name} off.'
     sign = 'minus ' if value < 0.0 else ''

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.photo_list import PhotoLine
+from porotwin_core.basis.photo_list import PHOTO_SUFFIXES, PhotoLine
 from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.remark import Remark
 from porotwin_core.clock.stamps import steady_time, steady_time_of
@@ -42,7 +42,6 @@ from porotwin_imaging.sources.camera_source import (
 )
 from porotwin_imaging.sources.photo_protocol import GrowingProtocol
 
-SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.tif', '.tiff'})
 UNREAD_SUFFIXES = frozenset(
     {'.arw', '.cr2', '.cr3', '.dng', '.heic', '.nef', '.orf', '.raf', '.raw', '.rw2'}
 )
@@ -170,7 +169,7 @@ class FolderSource:
                     continue
                 if suffix in UNREAD_SUFFIXES:
                     problems += self._tell(suffix, entry.name, UNREAD)
-                if suffix not in SUFFIXES:
+                if suffix not in PHOTO_SUFFIXES:
                     continue
                 fault, mark = _mark_of(entry)
                 if mark is None:

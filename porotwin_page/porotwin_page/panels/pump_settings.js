@@ -2,7 +2,7 @@
 
 import { allRates, Confirmation, netRate, postJson, WrongToken } from '../web/confirmation.js';
 import { element, find, hasChanged, setText } from '../web/dom.js';
-import { duration, isNumber, number, signed } from '../web/formatting.js';
+import { duration, isNumber, number, setting, signed } from '../web/formatting.js';
 
 const SHORT_VALIDITY = 0.34;  // below this part the bar changes its colour
 
@@ -198,14 +198,14 @@ function ratesRow(well, setpoint) {
   const changed = setpoint.pumps_report ? 'moved' : 'changed';
   const marked = well.changed && !setpoint.confirmed && !setpoint.doubt;
   const measured = setpoint.pumps_report ? well.measured_ml_h : null;
-  const past = (word, value) => (isNumber(value) ? `${word} ${number(value, 1)}` : '');
+  const past = (word, value, text) => (isNumber(value) ? `${word} ${text(value)}` : '');
   return element('tr', { className: marked ? changed : '' },
     element('td', {}, span('well', well.name), span('does', action(well))),
     element('td', { className: 'rate' },
-      span('digits', number(well.rate_ml_h, 1)), span('unit', ' ml/h')),
+      span('digits', setting(well.rate_ml_h)), span('unit', ' ml/h')),
     element('td', { className: 'now' },
-      span('was', past(setpoint.confirmed ? 'set' : 'was', well.before_ml_h)),
-      span('measured', past('measured', measured))));
+      span('was', past(setpoint.confirmed ? 'set' : 'was', well.before_ml_h, setting)),
+      span('measured', past('measured', measured, (rate) => number(rate, 1)))));
 }
 
 /* One input for every well; entered values survive a new setpoint. */
@@ -220,7 +220,7 @@ function renderInputs(root, wells) {
   }
   box.querySelectorAll('input').forEach((input, i) => {
     const rate = wells[i].rate_ml_h;
-    input.placeholder = isNumber(rate) ? rate.toFixed(1) : '';
+    input.placeholder = isNumber(rate) ? setting(rate) : '';
   });
 }
 

@@ -1,7 +1,7 @@
 /* Draws the log of setpoints, the newest line first. */
 
 import { element, find, hasChanged } from '../web/dom.js';
-import { clockTime, number } from '../web/formatting.js';
+import { clockTime, setting } from '../web/formatting.js';
 
 const EMPTY = 'No setpoint yet.';
 
@@ -18,7 +18,7 @@ export function ratesText(rates, before) {
   if (!entries.length) return 'rates not known';
   const changed = before ? entries.filter(([well, rate]) => rate !== before[well]) : entries;
   if (!changed.length) return 'the same rates';
-  return `${changed.map(([well, rate]) => `${well} ${number(rate, 1)}`).join(', ')} ml/h`;
+  return `${changed.map(([well, rate]) => `${well} ${setting(rate)}`).join(', ')} ml/h`;
 }
 
 /* The rates of the line before `index` with the same kind of event: lines are newest first. */

@@ -3,7 +3,7 @@
 export const DASH = '–';
 
 /* Stamps above this are seconds since 1970, below it seconds since the start of a run. */
-export const FIRST_ABSOLUTE_STAMP_S = 1e8;
+export const FIRST_ABSOLUTE_STAMP_S = 1e9;
 
 const DAY_S = 86400;
 const LONGEST_RUN_S = 30 * DAY_S;
@@ -15,6 +15,11 @@ export function number(value, digits) {
   if (!isNumber(value)) return DASH;
   const text = Math.abs(value).toFixed(digits);
   return value < 0 && Number(text) !== 0 ? `−${text}` : text;
+}
+
+/* A rate in ml/h as a person sets it at a pump: with one to three decimals, as many as it has. */
+export function setting(value) {
+  return number(value, 3).replace(/0{1,2}$/, '');
 }
 
 /* A number with its sign, also a positive one. */

@@ -1,6 +1,6 @@
 /* The drawing over a map: zones, wells, labels and a scale bar; no document needed. */
 
-import { number } from './formatting.js';
+import { setting } from './formatting.js';
 
 const LARGE_RIG_M = 2;  // larger rigs have a longer scale bar
 const BAR_M = { small: 0.1, large: 0.5 };
@@ -53,7 +53,7 @@ function wellShapes(well, rate, x, y, width, labelled) {
     ['circle', { cx, cy, r, class: 'well' }],
   ];
   if (!labelled) return shapes;
-  const rateText = rate === undefined ? '' : `${number(rate, 1)} ml/h`;
+  const rateText = rate === undefined ? '' : `${setting(rate)} ml/h`;
   const longest = Math.max(well.name.length, rateText.length) * CHARACTER_PX;
   const fits = cx + LABEL_GAP_PX + longest <= width;
   const onRight = (cx < width * LABEL_SIDE && fits) || cx - LABEL_GAP_PX - longest < 0;

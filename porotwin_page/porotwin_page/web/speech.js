@@ -5,7 +5,7 @@ const STORAGE_KEY = 'porotwin-speech';
 /* 'control 2' for 'control2', so that a voice reads the number by itself. */
 const spokenName = (well) => well.replace(/[_-]/g, ' ').replace(/(\d+)$/, ' $1').replace(/ +/g, ' ');
 
-const spokenRate = (rate) => `${rate < 0 ? 'minus ' : ''}${Number(Math.abs(rate).toFixed(1))}`;
+const spokenRate = (rate) => `${rate < 0 ? 'minus ' : ''}${Number(Math.abs(rate).toFixed(3))}`;
 
 /* The orders in words; empty if no pump must be set by hand. */
 export function speechText(setpoint) {

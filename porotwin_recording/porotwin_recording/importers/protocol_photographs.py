@@ -10,7 +10,7 @@ from pathlib import Path
 
 from porotwin_core.basis.csv_table import number_text, write_table
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.photo_list import HEADER, IMAGING_FILE
+from porotwin_core.basis.photo_list import HEADER, IMAGING_FILE, PHOTO_SUFFIXES
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_recording.importers.clock_order import check_order, counters
 from porotwin_recording.importers.foreign_table import ForeignTable, read_foreign_table
@@ -22,8 +22,6 @@ from porotwin_recording.importers.protocol_answers import (
     protocol_moments,
 )
 from porotwin_recording.tables.photos import Photo, refuse_link_outside
-
-IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 
 LISTED = f'list the photographs with their times in {IMAGING_PROTOCOL} (columns path, datetime)'
 """Remedy for times that cannot be used."""
@@ -45,7 +43,7 @@ def protocol_photographs(
     table = read_foreign_table(folder / IMAGING_PROTOCOL, answers.decimal)
     column = table.needed('datetime', 'start', 'time', 'date')
     times = protocol_moments(table, column, answers, told)
-    files = sorted(path for path in visible_files(folder) if path.suffix.lower() in IMAGES)
+    files = sorted(path for path in visible_files(folder) if path.suffix.lower() in PHOTO_SUFFIXES)
     title = table.find('path') or table.needed('image_id')
     by_name = title == table.find('path')
     found, missing = [], []
