@@ -145,3 +145,6 @@ one is no reason to change the schedule."""
 
 VISIBLE_CHANGE = 0.5
 """Least whitened change per cell with tracer, in standard deviations, of a visible effect."""
+
+SAME_PLACE_M = 0.1
+"""Distance of two leaks or zones that may be one [m]: as far as a weak gap leaves a place open."""

@@ -17,6 +17,7 @@ from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.origin import place_of
+from porotwin_diagnosis.thresholds import SAME_PLACE_M
 from porotwin_recording.experiment.experiment_folder import RIG_FILE
 from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.one_writer import only_writer
@@ -25,9 +26,6 @@ from porotwin_solver.effects import EFFECTS
 
 FILE = 'belief.json'
 """File of a folder of findings."""
-
-SAME_PLACE_M = 0.1
-"""Distance of two leaks or zones that may be one [m]: as far as a weak gap leaves a place open."""
 
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 

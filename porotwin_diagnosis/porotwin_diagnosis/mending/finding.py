@@ -12,8 +12,8 @@ from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.advice.remainder_form import WELL_CLOSED
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
-from porotwin_diagnosis.history.past_findings import SAME_PLACE_M
 from porotwin_diagnosis.report.named_rows import named_rows, verdict_words
+from porotwin_diagnosis.thresholds import SAME_PLACE_M
 from porotwin_solver.effects import EFFECTS, effect
 from porotwin_solver.effects.definition.effect import Scope
 from porotwin_solver.service.effects_in_force import in_words
