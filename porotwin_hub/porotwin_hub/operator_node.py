@@ -21,6 +21,7 @@ from porotwin_core.ros import conversions, qos
 from porotwin_core.ros.following import follow
 from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import TwinNode, declare, declare_rig, run
+from porotwin_core.ros.run_topics import follow_start
 from porotwin_core.ros.senders import SENDERS
 from porotwin_core.ros.vouching import OnlyCaller
 from porotwin_hub.operator.announcement import (
@@ -63,7 +64,6 @@ class OperatorNode(TwinNode):
         )
         self._words = FewWords(_print, known=(HUB, MEND))
         self._refusals = FewWords(self.get_logger().error, known=SENDERS)
-        self._photographs_ahead = 0.0
         self._told: frozenset[str] = frozenset()
         self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
@@ -72,6 +72,7 @@ class OperatorNode(TwinNode):
         listen(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT, replayed=False)
         listen(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         listen(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
+        follow_start(self, self._on_start)
         self._page = OnlyCaller(self, 'operator/confirm')
         # a forged request is waited for, and a setpoint must not wait for it
         apart = MutuallyExclusiveCallbackGroup()
@@ -91,12 +92,7 @@ class OperatorNode(TwinNode):
             self.get_logger().warning('no espeak-ng on this machine, so no speech: apt install it')
 
     def _on_setpoint(self, message: Setpoint) -> None:
-        now = self._now()
-        setpoint = self._shown(message)
-        words = self._book.announce(setpoint, now=now)
-        arrived = setpoint.valid_until - setpoint.validity  # by the clock of the photographs
-        self._photographs_ahead = arrived - now
-        self._order(words)
+        self._order(self._book.announce(self._shown(message), now=self._now()))
 
     def _shown(self, message: Setpoint) -> ShownSetpoint:
         """Return a setpoint as the book keeps it.
@@ -140,6 +136,9 @@ class OperatorNode(TwinNode):
         sentence = in_short(message.sentence)
         self._speak(f'{sentence} Accept?' if asks else sentence, about=('model',))
 
+    def _on_start(self, began: float) -> None:
+        self._book.began = began
+
     def _on_timer(self) -> None:
         self._words.look()
         self._refusals.look()
@@ -171,7 +170,7 @@ class OperatorNode(TwinNode):
             self._refusals.tell('', f'confirmation refused: {error}')
             return response
         # by the clock of the photographs, so that the hub can compare it with them
-        now = conversions.time_to_msg(self._now() + self._photographs_ahead)
+        now = conversions.time_to_msg(self._now() + self._book.ahead)
         message = WellRates(start=now, wells=conversions.rates_to_msg(rates))
         message.header.stamp = now
         message.header.frame_id = conversions.RIG_FRAME

@@ -192,3 +192,23 @@ def test_small_changes_add_up_until_a_hand_can_set_them(book: SetpointBook, limi
     ]
     assert '<--' not in texts[1]
     assert '101.2 ml/h   <-- was 100.0' in texts[2]
+
+
+def test_safe_rates_have_the_announced_pauses(small_rig: Rig) -> None:
+    assert small_rig.control is not None
+    control = small_rig.control.with_pauses({'injector': ((1.0, 4.0),)}, None)
+    book = SetpointBook(small_rig.model_copy(update={'control': control}))
+    book.began = 1000.0
+    usual = Limits.of(small_rig).safe()
+    book.announce(shown(5, usual, stamp=1000.0), now=50.0)  # the clocks differ by 950 s
+    assert book.expire(139.0) is None
+    paused = book.expire(141.0)
+    assert paused is not None
+    assert 'Switch injector off.' in paused.speech
+    with pytest.raises(InputError, match='has expired'):
+        book.confirmed(5, {})
+    assert book.confirmed(5, {})['injector'].rate == 0.0
+    assert book.expire(200.0) is None
+    resumed = book.expire(291.0)
+    assert resumed is not None
+    assert 'Set injector to 500.' in resumed.speech

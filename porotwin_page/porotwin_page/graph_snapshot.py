@@ -334,8 +334,11 @@ class GraphSnapshot:
             return {}
         remaining = setpoint.remaining(graph)
         expired = remaining is not None and remaining <= 0
-        safe = self.safe_rates if graph is None else self.pauses.at(graph, self.safe_rates)
-        return (expired and safe) or setpoint.rates
+        return (expired and self.safe_at(graph)) or setpoint.rates
+
+    def safe_at(self, graph: float | None) -> WellRates:
+        """Return the safe rates [m^3/s] with the pauses announced for `graph` time [s]."""
+        return self.safe_rates if graph is None else self.pauses.at(graph, self.safe_rates)
 
     @property
     def setpoint(self) -> Setpoint | None:
@@ -461,7 +464,7 @@ def with_graph_time(now: GraphSnapshot, graph: float | None, clock: float) -> Gr
     remaining = setpoint.remaining(graph)
     if remaining is None or remaining > 0:
         return now
-    now = _with_line(now, clock, Event.EXPIRED, setpoint.sequence, now.safe_rates)
+    now = _with_line(now, clock, Event.EXPIRED, setpoint.sequence, now.safe_at(graph))
     return replace(now, expired=setpoint.sequence)
 
 

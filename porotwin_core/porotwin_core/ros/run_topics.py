@@ -57,8 +57,8 @@ def follow_run(
         if isinstance(lock, threading.Condition):
             lock.notify_all()
 
-    def on_experiment(message: Header) -> None:
-        rates.told_start = conversions.time_from_msg(message.stamp)
+    def on_start(began: float) -> None:
+        rates.told_start = began
 
     follow(node, WellRates, 'wells/measured', on_measured, qos.FIELD)
     # every setpoint of a run counts, not only the newest as for a pump
@@ -66,7 +66,19 @@ def follow_run(
     follow(node, CleanState, 'asset/clean_state', on_clean_state, qos.FIELD)
     follow_effects(node, on_effects)
     follow(node, NewState, 'asset/new_state', on_state, qos.FIELD)
+    follow_start(node, on_start)
+
+
+def follow_start(node: Node, on_start: Callable[[float], None]) -> None:
+    """Tell `on_start` the start of the experiment [s] by the clock of the photographs.
+
+    Imaging tells it, once it is known. In simulated time it is 0.
+    """
     if node.get_parameter('use_sim_time').value:
-        rates.told_start = 0.0
-    else:
-        follow(node, Header, 'asset/experiment', on_experiment, qos.CONFIG)
+        on_start(0.0)
+        return
+
+    def on_experiment(message: Header) -> None:
+        on_start(conversions.time_from_msg(message.stamp))
+
+    follow(node, Header, 'asset/experiment', on_experiment, qos.CONFIG)

@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rates.rate_periods import same_by_hand
+from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.rate_periods import different_wells, same_by_hand
 from porotwin_core.rates.told_rates import doubts_about, other_fluids, refuse_impossible
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
@@ -35,6 +36,11 @@ class SetpointBook:
         """Begin an empty book for `rig`."""
         self._rig = rig
         self._limits = Limits.of(rig) if rig.control is not None else None
+        self._pauses = FixedPauses.of(rig)
+        self.began: float | None = None
+        """Start of the experiment by the clock of the photographs [s]; None: nobody told it."""
+        self.ahead = 0.0
+        """How far the clock of the photographs is ahead of the one of the book [s]."""
         self._newest: tuple[int, dict[str, WellRate]] | None = None
         """Number and rates of the setpoint that was announced last."""
         self._at_pumps: dict[str, WellRate] = {}
@@ -80,6 +86,7 @@ class SetpointBook:
             )
         self._newest = (setpoint.sequence, setpoint.rates)
         self._in_force, self._since = setpoint, now
+        self.ahead = setpoint.valid_until - setpoint.validity - now
         self._expiry.start(setpoint.sequence, now=now, validity=setpoint.validity)
         words = announce(
             setpoint.sequence,
@@ -101,18 +108,31 @@ class SetpointBook:
     def expire(self, now: float) -> Announcement | None:
         """Return the words for a setpoint that has expired by `now`, once; else None.
 
-        From then on its number stands for the safe rates.
+        From then on its number stands for the safe rates. They are told again when an announced
+        pause changes them.
         """
-        sequence = self._expiry.expired(now)
-        if sequence is None or self._in_force is None:
+        expired, last = self._expiry.expired(now), self._in_force
+        safe = self._safe(now)
+        if expired is not None and last is not None:
+            sequence, note = expired, f' at {clock_time(last.valid_until)}'
+        elif last is None and self._newest and safe and different_wells(safe, self._newest[1]):
+            sequence, note = self._newest[0], ''
+        else:
             return None
-        safe = self._limits.safe() if self._limits is not None else {}
-        note = f' at {clock_time(self._in_force.valid_until)}'
         self._in_force = None
         words = announce_expiry(sequence, safe, self._at_pumps, note=note)
         if safe:
             self._newest, self._at_pumps = (sequence, safe), safe
         return words
+
+    def _safe(self, now: float) -> dict[str, WellRate]:
+        """Return the safe rates at `now`, with the announced pauses; empty without control."""
+        if self._limits is None:
+            return {}
+        safe = self._limits.safe()
+        if self.began is None:
+            return safe
+        return dict(self._pauses.at(now + self.ahead - self.began, safe))
 
     def confirmed(self, sequence: int, changed: WellRates) -> dict[str, WellRate]:
         """Return the rates that the operator set: as announced, except for the `changed` wells.
