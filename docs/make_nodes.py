@@ -17,16 +17,15 @@ import json
 import os
 import sys
 import tempfile
-import time
 import traceback
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import rclpy
 from make_policy import KINDS, POLICY, policy
-from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.action import ActionServer, get_action_server_names_and_types_by_node
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -168,15 +167,28 @@ def interfaces(node: Node) -> Rows:
     ]
     services = [('Services', item.service_name, item.srv_type, '') for item in node.services]
     rows = [
-        (kind, short(name), message.__module__.split('.')[0] + '/' + message.__name__, quality)
+        (kind, short(name), kind_of(message), quality)
         for kind, name, message, quality in (*topics, *services)
         if name not in HIDDEN_TOPICS and not message.__module__.startswith(HIDDEN_TYPES)
     ]
-    actions = get_action_server_names_and_types_by_node(node, node.get_name(), node.get_namespace())
-    rows += [
-        ('Actions', short(name), types[0].replace('/action/', '/'), '') for name, types in actions
+    return sorted({*rows, *actions(node)})
+
+
+def actions(node: Node) -> Rows:
+    """Return the rows of the actions that `node` offers; it discovers them in a moment."""
+    offered = sum(isinstance(one, ActionServer) for one in node.waitables)
+    found: Sequence[tuple[str, list[str]]] = ()
+    while len(found) < offered:
+        name, namespace = node.get_name(), node.get_namespace()
+        found = get_action_server_names_and_types_by_node(node, name, namespace)
+    return [
+        ('Actions', short(name), types[0].replace('/action/', '/'), '') for name, types in found
     ]
-    return sorted(set(rows))
+
+
+def kind_of(message: Any) -> str:
+    """Return the type of a topic, service or action, such as `porotwin_msgs/NewState`."""
+    return f'{message.__module__.split(".")[0]}/{message.__name__}'
 
 
 def parameters(node: Node) -> Rows:
@@ -241,7 +253,7 @@ def section(executable: str, node: Node, ends: Rows, values: Rows, shared: Rows)
 
 
 def started(make: type[Node], given: dict[str, Any]) -> Node:
-    """Return a node as it is after its start."""
+    """Return a node as it is after its start; some end soon."""
     overrides = [Parameter(name, value=value) for name, value in {**COARSE, **given}.items()]
     context = Context()  # its own: a node that has finished shuts its context down
     rclpy.init(context=context)
@@ -255,13 +267,11 @@ def documents() -> dict[Path, str]:
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     with tempfile.TemporaryDirectory() as folder:
         needed = needed_parameters(Path(folder))
-        made = [
-            (executable, started(make, needed.get(executable, needed['default'])))
-            for executable, make in node_classes()
-        ]
-        time.sleep(0.5)  # until the nodes have discovered their own actions
-        nodes = [(each, node, interfaces(node), parameters(node)) for each, node in made]
-        all_rules = {node.get_name(): rules(node) for _, node in made}
+        nodes = []
+        for executable, make in node_classes():
+            node = started(make, needed.get(executable, needed['default']))
+            nodes.append((executable, node, interfaces(node), parameters(node)))
+        all_rules = {node.get_name(): rules(node) for _, node, *_ in nodes}
     counts = Counter(row for *_, values in nodes for row in values)
     shared = sorted(row for row, count in counts.items() if count >= SHARED_BY)
     sections = [section(*node, shared) for node in nodes]
