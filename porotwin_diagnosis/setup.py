@@ -12,7 +12,7 @@ setup(
     maintainer=ABOUT.findtext('maintainer'),
     maintainer_email=ABOUT.find('maintainer').get('email'),
     packages=find_packages(exclude=['test']),
-    package_data={PACKAGE: ['py.typed', '**/*.html']},
+    package_data={PACKAGE: ['py.typed', '**/*.html', '**/*.j2']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + PACKAGE]),
         ('share/' + PACKAGE, ['package.xml']),

@@ -45,6 +45,8 @@ def test_the_wheel_holds_the_web_page_and_the_sample_rig(wheel: Path) -> None:
     scripts = [*package.rglob('web/*.js'), *package.rglob('panels/*.js')]
     expected = {str(path.relative_to(package)) for path in scripts if 'test' not in path.parts}
     expected |= {'porotwin_page/web/page.html', 'porotwin_diagnosis/report/page.html'}
+    words = (ROOT / 'porotwin_diagnosis').rglob('porotwin_diagnosis/**/*.j2')
+    expected |= {str(path.relative_to(ROOT / 'porotwin_diagnosis')) for path in words}
     assert expected <= set(names)
     assert any(name.endswith('share/porotwin_hub/config/small_rig.yaml') for name in names)
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.advice.strength import Strength
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.evidence import gather
@@ -61,6 +62,22 @@ def held_out_part(recording: Recording, sample: Sample, model: Fit) -> HeldOut:
     after = Forward(part).maps(model.effects)
     errors = (part.relative_error(before), part.relative_error(after))
     return HeldOut(part.times, observed, before, after, *errors, 0.03, 0.0)
+
+
+def on_rig(result: Diagnosis, rig: Rig) -> Diagnosis:
+    """Return `result` as if its recording described `rig`."""
+    return replace(result, recordings=(replace(result.recordings[0], rig=rig),))
+
+
+def with_effects(result: Diagnosis, *effects: EffectDescription) -> Diagnosis:
+    """Return `result` as if rig.yaml described `effects`."""
+    return on_rig(result, result.recordings[0].rig.with_effects(effects))
+
+
+def no_gap(result: Diagnosis) -> Diagnosis:
+    """Return `result` with the verdict that there is no gap."""
+    verdict = Verdict('none', 0.9, result.evidence.findings.null, (), (), {'porosity': 0.1})
+    return replace(result, verdict=verdict)
 
 
 def twice(result: Diagnosis) -> Diagnosis:

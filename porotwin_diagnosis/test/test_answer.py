@@ -1,203 +1,222 @@
-"""The first screen of the report: cause, where, how much, how sure."""
+"""The first screen of the report: the facts of the answer, and the words of its template."""
 
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_results import naming
+from diagnosis_results import naming, no_gap, twice, with_effects
 
+from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading
+from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.advice.partial_cause import PartialCause
 from porotwin_diagnosis.advice.remainder_form import RemainderForm, Term
+from porotwin_diagnosis.decision.compared_readings import ComparedReading
 from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.gap_map import Spot
 from porotwin_diagnosis.model.library import library
-from porotwin_diagnosis.report.answer import answer, sentence
+from porotwin_diagnosis.report.answer import ActingPlace, answer_of
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_recording.tables.concentration import MapOrigin
 from porotwin_solver.effects import EFFECTS
 
-
-def said(result, verdict=None):
-    changed = result if verdict is None else replace(result, verdict=verdict)
-    return sentence(changed, diagnosis_json(changed))
-
-
-def rows(result):
-    """Return the rows of the answer as plain text, by their names."""
-    found = answer(result, diagnosis_json(result))
-    return {name: ' '.join(lines).replace('**', '') for name, lines in found}
+TERM = Term('level', 'camera', -0.1, '-', 'the plume is 10 % paler throughout', 'dilute it')
+BOTTLE = GaugeReading(2160.0, GaugeKind.OUTFLOW, -270e-6, 5e-6, 'injector')
+READING = ComparedReading(BOTTLE, -250e-6, -269e-6)
+"""A reading four deviations off before and a fifth of one after."""
 
 
-def test_a_found_effect_is_said_with_the_error_that_it_closes(denser):
-    text = said(denser)
-    assert text.startswith('**Porosity**: the porosity is 12 % lower than nominal')
-    assert EFFECTS['porosity'].also in text  # no effect of the library scales all pumps
-    assert 'confidence 90 %' in text
-    assert 'of the gap is closed' in text
+def facts(result, **verdict):
+    """Return the answer on `result` with changes of its verdict."""
+    changed = replace(result, verdict=replace(result.verdict, **verdict))
+    return answer_of(changed, diagnosis_json(changed))
 
 
-def test_the_first_screen_names_cause_place_size_and_confidence(denser):
-    found = rows(denser)
-    assert list(found) == ['Cause', 'Where', 'How much', 'How sure']
-    assert found['Cause'] == 'porosity, an effect of the rig'
-    assert found['How much'].startswith('factor: 0.880 (90 % interval 0.873 … 0.887)')
-    assert found['Where'] == 'In the whole rig.'
-    assert '90 %' in found['How sure']
+def unexplained(result, form=None, closed=None, *, spot=None, rest=0.0):
+    """Return an unexplained gap; a part of it is `closed`, with a place and a form of the rest."""
+    worst, pair = result.evidence.findings.singles[1], result.evidence.findings.pairs[0]
+    verdict = Verdict('unexplained', 0.9, worst, (), (), {'porosity': 0.1})
+    beside = RemainderForm((TERM,) if rest else (), rest)
+    part = PartialCause(pair, closed, beside, spot) if closed else None
+    return replace(result, verdict=verdict, remainder=form, partial=part)
+
+
+def held_out(result, **changes):
+    return replace(result, held_out=(replace(result.held_out[0], **changes),))
+
+
+def hidden(result, **changes):
+    """Return `result` with an error that falls only with the blur of the camera, if at all."""
+    return held_out(result, error_after=result.held_out[0].error_before + 0.01, **changes)
+
+
+def calibrated(result, told=True):
+    maps = replace(result.recordings[0].maps, origin=MapOrigin(told))
+    return replace(result, recordings=(replace(result.recordings[0], maps=maps),))
+
+
+def inseparable_pairs(result):
+    """Return a pair that looks like another one, with retardation instead of porosity."""
+    known = {candidate.effect: candidate for candidate in library([result.samples[0]])}
+    members = (known['retardation'], known['rate'])
+    scaled = np.array([members[0].parameters[0].scaled(1.15), 0.5])
+    other = Fit(members, scaled, 0.5, 0.5, 0.1, 0.1, 0.01 * np.eye(2))
+    (pair,) = result.evidence.findings.pairs
+    alone = Fit(members[:1], scaled[:1] - 1.0, 0.8, 0.8, 0.2, 0.2, 0.01 * np.eye(1))
+    singles = [*result.evidence.findings.singles, alone]
+    findings = replace(result.evidence.findings, singles=singles, pairs=[pair, other])
+    verdict = Verdict(
+        'porosity', 0.7, pair, ('porosity', 'rate'), ('retardation',), {'porosity': 0.7},
+        alternatives=(('retardation', 'rate'),),
+    )  # fmt: skip
+    return replace(result, verdict=verdict, evidence=replace(result.evidence, findings=findings))
+
+
+def test_a_found_effect_is_said_with_its_size_and_the_error_that_it_closes(denser):
+    found = facts(denser)
+    assert (found.named.same, found.unexplained) == ([], None)
+    assert found.parameters == [('', 'factor', '0.880', '0.873 … 0.887')]
+    errors = found.summary['error']
+    assert found.named.improvement == ('maps', errors['before'], errors['after'], None)
+    said = found.said('sentence')
+    assert said.startswith('**Porosity**: the porosity is 12 % lower than nominal')
+    assert EFFECTS['porosity'].also in said  # no effect of the library scales all pumps
+    assert '(confidence 90 %). With the correction the error' in said
+    assert found.said('how_much').startswith('factor: **0.880** (90 % interval 0.873 … 0.887)\n')
 
 
 @pytest.mark.parametrize(
     ('name', 'parameters', 'place'),
     [
-        ('registration', {'dx': 0.004}, 'Nowhere in the rig: this is an effect of the camera'),
-        ('clock', {'offset': -60.0}, 'Nowhere in the rig: this is an effect of the camera'),
-        ('leak', {'x': 0.33, 'z': 0.3, 'rate': -20.0}, 'At x = 0.330 m, z = 0.300 m'),
-        ('rate', {'factor': 0.9}, 'At the well injector, x = 0.235 m, z = 0.235 m.'),
-        (
-            'well_position',
-            {'dx': 0.01, 'dz': -0.004},
-            'At the well injector, x = 0.235 m, z = 0.235 m by rig.yaml; '
-            'it opens at x = 0.245 m, z = 0.231 m.',
-        ),
+        ('porosity', {}, ('rig',)),
+        ('registration', {}, ('camera',)),
+        ('leak', {'x': 0.33, 'z': 0.3}, ('point', (0.33, 0.3))),
+        ('rate', {}, ('well', (0.235, 0.235), 'injector')),
+        ('well_position', {'dx': 0.01}, ('well', (0.235, 0.235), 'injector', (0.245, 0.235))),
     ],
 )
-def test_the_place_of_an_effect_is_said_or_that_it_has_none(denser, name, parameters, place):
-    assert rows(naming(denser, name, parameters))['Where'].startswith(place)
+def test_an_effect_acts_at_a_place_or_has_none(denser, name, parameters, place):
+    assert facts(naming(denser, name, parameters)).named.common_place == ActingPlace(*place)
 
 
 def test_numerical_diffusion_is_no_property_of_the_rig(denser):
+    name, null = 'numerical_diffusion', denser.evidence.findings.null
     numerics = Numerics('upwind', 9.0, 3.0, model_diffusion=2e-8)
-    verdict = replace(
-        denser.verdict,
-        name='numerical_diffusion',
-        model=denser.evidence.findings.null,
-        members=('numerical_diffusion',),
-    )
-    result = replace(denser, verdict=verdict, evidence=replace(denser.evidence, numerics=numerics))
-    assert rows(result)['Cause'] == 'numerical diffusion, an effect of the model'
-    assert rows(result)['Where'] == 'In the model, at every front.'
+    smearing = replace(denser, evidence=replace(denser.evidence, numerics=numerics))
+    found = facts(smearing, name=name, model=null, members=(name,))
+    assert found.named.common_place == ActingPlace('model')
+    assert found.said('cause') == '**numerical diffusion**, an effect of the model'
 
 
-def test_an_improvement_that_shows_only_beside_blurred_fronts_is_said(denser):
-    (part,) = denser.held_out
-    hidden = replace(part, error_after=part.error_before + 0.01)
-    text = said(replace(denser, held_out=(hidden,)))
-    assert 'and with the blur of the camera, the error' in text
-    nothing = replace(hidden, after=part.before)
-    text = said(replace(denser, held_out=(nothing,)))
-    assert 'The gap lies in the part before' in text
+def test_an_improvement_may_show_only_with_blur_in_the_fitted_part_or_in_readings(denser):
+    assert facts(hidden(denser)).named.improvement.seen_in == 'camera'
+    unknown = facts(hidden(denser, level_known=False)).named.improvement
+    assert unknown.seen_in == 'camera and level' and unknown.after < unknown.before
+    same = hidden(denser, after=denser.held_out[0].before)
+    fitted = facts(same).named.improvement
+    assert fitted.seen_in == 'fitted part' and fitted.held_out[0] == fitted.held_out[1]
+    model = replace(denser.verdict.model, fitted_error=0.9)
+    found = facts(replace(same, readings=(READING,)), model=model).named.improvement
+    assert found.seen_in == 'readings'
+    assert (found.before, found.after) == pytest.approx((4.0, 0.2))
 
 
-def test_both_members_of_a_pair_are_said(denser):
-    pair = denser.evidence.findings.pairs[0]
-    verdict = Verdict('porosity', 0.8, pair, ('porosity', 'rate'), (), {'porosity': 1.0})
-    text = said(denser, verdict)
-    assert text.startswith('**Porosity** and **rate**: the porosity is 12 % lower')
-    assert 'delivers' in text
-    where = rows(replace(denser, verdict=verdict))['Where']
-    assert where.startswith('porosity: In the whole rig. rate: At the well control2, x = 0.500 m')
+def test_effects_together_or_alike_have_a_place_each(denser):
+    pair = facts(denser, model=denser.evidence.findings.pairs[0], members=('porosity', 'rate'))
+    alike = facts(denser, inseparable=('rate',))
+    for found in (pair, alike):
+        assert found.named.common_place is None
+        assert [place.well for _, place in found.named.places] == ['', 'control2']
+        assert {one.effect for one in found.parameters} == {'porosity', 'rate'}
+    assert pair.said('sentence').startswith('**Porosity** and **rate**: the porosity is 12 % lower')
+    assert alike.named.same == [('rate',)]
+    assert 'or **rate**, which this recording cannot separate' in alike.said('sentence')
 
 
-def test_effects_that_look_the_same_are_said(denser):
-    verdict = replace(denser.verdict, inseparable=('rate',))
-    assert 'or **rate**, which this recording cannot separate' in said(denser, verdict)
-    found = rows(replace(denser, verdict=verdict))
-    assert 'cannot separate porosity from rate' in found['How sure']
-    assert 'or rate' in found['Cause']
+def test_effects_that_rig_yaml_describes_already_are_known(denser):
+    known = [EffectDescription(name=name, parameters={}) for name in ('porosity', 'decay')]
+    assert facts(with_effects(denser, *known)).named.described == ['porosity']
 
 
-def test_no_gap_is_said_with_the_error_that_noise_makes(denser):
-    verdict = Verdict('none', 0.9, denser.evidence.findings.null, (), (), {'porosity': 0.1})
-    text = said(denser, verdict)
-    assert text.startswith('**No gap** (confidence')
-    assert 'no larger than the errors that a solver and a calibration leave' in text
-    assert said(denser, replace(verdict, confidence=0.5)).startswith('**No gap, but this is unsu')
-    (part,) = denser.held_out
-    good = replace(denser, held_out=(replace(part, error_before=part.noise_floor),))
-    assert 'a solver and a calibration' not in said(good, verdict)
-    assert rows(replace(denser, verdict=verdict))['Where'] == 'Nowhere.'
+def test_the_nearest_explanation_is_the_one_that_closes_more(denser):
+    form = RemainderForm((TERM,), 0.86)
+    for closed, nearest in ((0.77, 'form'), (0.9, 'part')):
+        found = facts(unexplained(denser, form, closed)).unexplained
+        assert (found.nearest, found.says_form) == (nearest, nearest == 'form')
+        assert found.is_nearly_known == (closed > 0.8)
+    assert facts(unexplained(denser, form)).unexplained.nearest == 'nothing'
 
 
-def test_a_form_that_closes_more_than_known_effects_is_said(denser):
-    pair = denser.evidence.findings.pairs[0]
-    verdict = Verdict('unexplained', 0.9, pair, (), (), {'porosity': 0.1})
-    term = Term('level', 'camera', -0.1, '-', 'the plume is 10 % paler throughout', 'dilute it')
-    part = PartialCause(pair, 0.77, RemainderForm((), 0.0), None)
-    form = RemainderForm((term,), 0.86)
-    result = replace(denser, verdict=verdict, partial=part, remainder=form)
-    assert 'the plume is 10 % paler throughout. This closes 86 % of it' in said(result)
+def test_an_unexplained_gap_has_a_strongest_place_and_a_best_model(denser):
+    found = facts(unexplained(denser)).unexplained
+    assert (found.tried, found.spot) == (2, denser.gap.spots[0])
+    assert found.fronts_off > 0.0
+    assert facts(held_out(unexplained(denser), error_after=1.0)).unexplained.fronts_off is None
 
 
-def test_before_a_form_that_closes_less_than_half_it_is_said_that_none_fits_well(denser):
-    pair = denser.evidence.findings.pairs[0]
-    verdict = Verdict('unexplained', 0.9, pair, (), (), {'porosity': 0.1})
-    term = Term('level', 'camera', -0.1, '-', 'the plume is 10 % paler throughout', 'dilute it')
-    result = replace(denser, verdict=verdict, remainder=RemainderForm((term,), 0.44))
-    cause = rows(result)['Cause']
-    assert 'No form that was found fits well. The best one looks like the camera: the' in cause
-    well = replace(result, remainder=RemainderForm((term,), 0.5))
-    assert 'It looks most like the camera: the plume' in rows(well)['Cause']
-
-
-def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser):
-    worst = denser.evidence.findings.singles[1]
-    verdict = Verdict('unexplained', 0.9, worst, (), (), {'porosity': 0.1})
-    text = said(denser, verdict)
-    assert text.startswith('**Unexplained** (confidence 90 %). There is a gap: the error')
-    assert 'None of the 2 tried effects, and none of their best combinations' in text
-    assert 'as if fronts were' in text and 'mm off' in text
-    (part,) = denser.held_out
-    lost = replace(denser, held_out=(replace(part, error_before=0.9, error_after=1.0),))
-    assert 'held-out part is 100.0 %' in said(lost, verdict)
-    assert 'as if fronts' not in said(lost, verdict)
-    assert rows(replace(denser, verdict=verdict))['Where'].startswith('Most of all near x = ')
-
-
-@pytest.mark.parametrize('calibrated', [True, None])
 @pytest.mark.parametrize(
-    ('name', 'parameters', 'hidden'),
-    [('decay', {'rate': 1e-4}, True), ('porosity', {'factor': 0.88}, False)],
+    ('before', 'is_local', 'leaves_more'),
+    [(0.02, True, False), (0.035, False, False), (0.2, False, True)],
 )
-def test_a_calibration_that_hides_a_part_of_an_effect_is_said(
-    denser, name, parameters, hidden, calibrated
-):
-    (recording,) = denser.recordings
-    maps = replace(recording.maps, origin=MapOrigin(calibrated))
-    seen = replace(denser, recordings=(replace(recording, maps=maps),))
-    text = rows(naming(seen, name, parameters))['How sure']
-    assert ('is a lower bound' in text) is (hidden and calibrated is True)
+def test_an_error_may_be_that_of_noise_and_blur(denser, before, is_local, leaves_more):
+    found = facts(held_out(no_gap(denser), error_before=before))
+    assert (found.is_local, found.leaves_more, found.is_open) == (is_local, leaves_more, False)
 
 
-def test_a_scant_recording_is_said_to_limit_the_confidence(denser):
-    scant = replace(denser, evidence=replace(denser.evidence, cells_along=47))
-    assert 'more than 60 % here: maps of 47 cells along' in rows(scant)['How sure']
-    assert 'coarser than the 80' in rows(scant)['How sure']
-    assert 'No answer gets more' not in rows(denser)['How sure']
+def test_a_calibration_takes_a_part_of_an_effect_that_pales_the_core(denser):
+    for name, told, pales in (('decay', True, True), ('decay', None, False), ('leak', True, False)):
+        found = facts(naming(calibrated(denser, told), name, {}))
+        assert found.paling == ([name] if pales else [])
+
+
+def test_a_misfit_that_shared_errors_take_away_is_told_where_it_makes_a_gap(denser):
+    for unshared, told in ((0.9, 0.9), (0.44, 0.0)):
+        model = replace(denser.verdict.model, fitted_misfit=0.0, unshared_misfit=(unshared, 0.0))
+        assert facts(denser, model=model).swallowed == told
+        assert facts(unexplained(denser), model=model).swallowed == 0.0
+
+
+def test_beliefs_that_are_nearly_as_strong_as_the_strongest_are_named(denser):
+    belief = {'porosity': 0.495, 'retardation': 0.4949, 'rate': 0.01}
+    found = answer_of(denser, diagnosis_json(denser) | {'belief': belief})
+    assert found.believed == ['porosity', 'retardation']
+    assert '**porosity or retardation** (50 % each)' in found.said('how_sure')
 
 
 def test_effects_of_an_inseparable_pair_have_the_sizes_of_their_joint_fit(denser):
-    sample = denser.samples[0]
-    known = {candidate.effect: candidate for candidate in library([sample])}
-    members = (known['retardation'], known['rate'])
-    scaled = np.array([members[0].parameters[0].scaled(1.15), 0.5])
-    other = Fit(members, scaled, 0.5, 0.5, 0.1, 0.1, 0.01 * np.eye(2))
-    (pair,) = denser.evidence.findings.pairs
-    alone = Fit(members[:1], scaled[:1] - 1.0, 0.8, 0.8, 0.2, 0.2, 0.01 * np.eye(1))
-    singles = [*denser.evidence.findings.singles, alone]
-    findings = replace(denser.evidence.findings, singles=singles, pairs=[pair, other])
-    verdict = Verdict(
-        'porosity', 0.7, pair, ('porosity', 'rate'), ('retardation',), {'porosity': 0.7},
-        alternatives=(('retardation', 'rate'),),
-    )  # fmt: skip
-    result = replace(denser, verdict=verdict, evidence=replace(denser.evidence, findings=findings))
-    rows = {row['name']: row['parameters'] for row in diagnosis_json(result)['effects']}
-    factor = rows['retardation']['retardation_factor']
+    found = facts(inseparable_pairs(denser))
+    (row,) = (row for row in found.summary['effects'] if row['name'] == 'retardation')
+    ((sorbed, pump),) = found.named.alternatives
+    assert (sorbed['name'], pump['name']) == ('retardation', 'rate')
+    assert sorbed['parameters'] == row['parameters']
+    factor = sorbed['parameters']['retardation_factor']
     assert factor['value'] == pytest.approx(1.15)
     assert factor['low'] < 1.15 < factor['high']
-    assert '; or the tracer sorbs to the sand and travels at 87 % of' in said(result)
-    assert re.search('87 % of the water.s speed, and pump .* delivers', said(result))
-    ((sorbed, pump),) = diagnosis_json(result)['alternative_effects']
-    assert (sorbed['name'], pump['name']) == ('retardation', 'rate')
-    assert sorbed['parameters'] == rows['retardation']
     assert {'well', 'factor'} <= set(pump['parameters'])
+    assert '; or the tracer sorbs to the sand and travels at 87 %' in found.said('sentence')
+
+
+def test_every_answer_is_said_in_whole_sentences(denser):
+    model = replace(denser.verdict.model, fitted_error=0.9, unshared_misfit=(9.0, 9.0))
+    same = replace(hidden(denser, after=denser.held_out[0].before), readings=(READING,))
+    untried = replace(denser.evidence.findings, untried='pairs of effects')
+    scant = replace(denser.evidence, cells_along=47, fitted_frames=3, findings=untried)
+    spot, weak = Spot(0.31, 0.22, 0.05, 0.4), RemainderForm((TERM,), 0.4)
+    for found in (
+        facts(twice(denser), close=('rate',)),
+        facts(with_effects(denser, EffectDescription(name='porosity', parameters={}))),
+        facts(inseparable_pairs(denser)),
+        facts(hidden(denser)),
+        facts(same, model=model),
+        facts(calibrated(no_gap(denser)), confidence=0.5),
+        facts(replace(denser, evidence=scant)),
+        facts(replace(unexplained(denser, weak), gap=replace(denser.gap, spots=()))),
+        facts(unexplained(denser, RemainderForm((), 0.0), 0.9, spot=spot, rest=0.4)),
+        facts(unexplained(denser, weak, 0.5, spot=spot)),
+        facts(held_out(unexplained(denser, weak, 0.3, rest=0.6), error_before=0.02)),
+    ):
+        for part in ('sentence', 'cause', 'where', 'how_much', 'how_sure'):
+            said = found.said(part)
+            assert re.search(r'  | [.,;:)]|\( |\.\.|[{}]|^$', said) is None, said

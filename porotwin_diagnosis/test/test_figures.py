@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosis_results import on_rig
 
 from porotwin_core.rig.well_colours import well_colours
 from porotwin_diagnosis.report.figures import MOST_HEIGHT, course, plumes, where
@@ -26,9 +27,8 @@ def test_the_gap_grows_per_unit_of_the_time_of_the_recording(
 
 def shaped(result, width_m: float, height_m: float):
     """Return `result` as if its rig had another shape."""
-    recording = result.recordings[0]
-    rig = recording.rig.model_copy(update={'width_m': width_m, 'height_m': height_m})
-    return replace(result, recordings=(replace(recording, rig=rig),))
+    shape = {'width_m': width_m, 'height_m': height_m}
+    return on_rig(result, result.recordings[0].rig.model_copy(update=shape))
 
 
 def test_a_picture_of_a_tall_rig_fits_a_screen(coarse_denser) -> None:

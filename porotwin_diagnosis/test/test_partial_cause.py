@@ -9,7 +9,7 @@ from porotwin_diagnosis.advice.partial_cause import is_dipole, partial_cause
 from porotwin_diagnosis.advice.remainder_form import RemainderForm, Term
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.model.gap_map import Spot
-from porotwin_diagnosis.report.answer import answer
+from porotwin_diagnosis.report.answer import answer_of
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_diagnosis.search.levels import make_levels
 
@@ -37,7 +37,7 @@ def test_effects_that_close_too_little_are_not_told(denser):
     assert levels.simulations == 0
 
 
-def test_the_page_and_the_file_tell_the_effects_and_the_place_of_the_rest(denser, part):
+def test_the_answer_and_the_file_hold_the_effects_and_the_place_of_the_rest(denser, part):
     term = Term('source', 'source', 1e-4, 'm2', 'water enters near x = 0.30 m', 'look', (0.3, 0.2))
     part = replace(part, form=RemainderForm((term,), 0.6), spot=Spot(0.31, 0.22, 0.05, 0.4))
     verdict = Verdict('unexplained', 0.9, part.model, (), (), {'porosity': 0.1})
@@ -47,9 +47,9 @@ def test_the_page_and_the_file_tell_the_effects_and_the_place_of_the_rest(denser
     assert [row['name'] for row in beside['effects']] == ['porosity']
     assert beside['effects'][0]['parameters']['factor']['value'] == pytest.approx(0.88)
     assert (beside['kind'], beside['place']['x_m']) == ('source', 0.31)
-    text = ' '.join(line for _, lines in answer(result, summary) for line in lines)
-    assert 'A part of it may be: the porosity is 12 % lower than nominal' in text
-    assert 'arises most of all near x = 0.31 m, z = 0.22 m' in text
+    found = answer_of(result, summary).unexplained
+    assert (found.part, found.nearest) == (beside, 'part')
+    assert found.part_fits and not found.is_dipole
     assert summary['combination'] == []
 
 

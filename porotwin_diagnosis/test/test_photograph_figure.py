@@ -1,16 +1,17 @@
 """The photograph under the gap."""
 
 import io
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosis_results import no_gap, on_rig
 from matplotlib.image import imsave
 from PIL import Image
 
 from porotwin_core.rig import Camera
-from porotwin_diagnosis.decision.verdict import Verdict
-from porotwin_diagnosis.report.photograph_figure import caption, photograph, pixels_of
+from porotwin_diagnosis.report.page import caption
+from porotwin_diagnosis.report.photograph_figure import photograph, pixels_of
+from porotwin_recording.tables.photos import Photo
 
 CORNERS = ((12.0, 9.0), (15.0, 80.0), (150.0, 84.0), (148.0, 7.0))
 """Upper left, lower left, lower right and upper right corner of the rig [px]."""
@@ -23,10 +24,12 @@ def jpeg() -> bytes:
     return buffer.getvalue()
 
 
+PHOTO = Photo(3600.0, 'state', 'a.jpg', jpeg)
+
+
 def with_camera(result):
-    recording = result.recordings[0]
-    rig = recording.rig.model_copy(update={'camera': Camera(corners_px=CORNERS)})
-    return replace(result, recordings=(replace(recording, rig=rig),))
+    camera = Camera(corners_px=CORNERS)
+    return on_rig(result, result.recordings[0].rig.model_copy(update={'camera': camera}))
 
 
 def test_the_corners_of_the_rig_lie_on_their_pixels(denser):
@@ -41,22 +44,21 @@ def test_the_gap_and_both_fronts_lie_upon_the_photograph(denser):
     seen = with_camera(denser)
     (axis,) = photograph(jpeg(), seen).axes
     assert len(axis.collections) == 3
-    assert 'Pink: where the gap arises' in caption(60.0, seen)
+    assert 'Pink: where the gap arises' in caption(seen, 'photograph', 0, photo=PHOTO)
     assert axis.get_xlim() == (-0.5, 159.5)
 
 
 def test_without_a_gap_there_is_one_front(denser):
-    seen = with_camera(denser)
-    none = replace(seen, verdict=Verdict('none', 0.9, seen.evidence.findings.null, (), (), {}))
+    none = no_gap(with_camera(denser))
     (axis,) = photograph(jpeg(), none).axes
     assert len(axis.collections) == 1
-    assert 'Blue' not in caption(60.0, none)
+    assert 'Blue' not in caption(none, 'photograph', 0, photo=PHOTO)
 
 
 def test_without_corners_the_photograph_is_bare(denser):
     (axis,) = photograph(jpeg(), denser).axes
     assert not axis.collections
-    assert caption(3600.0, denser) == 'The last photograph, 60 min.'
+    assert caption(denser, 'photograph', 0, photo=PHOTO) == 'The last photograph, 60 min.'
 
 
 def test_a_broken_file_is_refused(denser):

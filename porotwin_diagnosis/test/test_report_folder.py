@@ -2,19 +2,17 @@
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
 from diagnosis_examples import DENSER, all_but, recorded
-from diagnosis_results import naming, twice
+from diagnosis_results import naming, on_rig, twice
 
 from lab.blind.blind_cases import SMALL
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig, load_rig, parse_rig, write_rig
-from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
 from porotwin_recording.experiment.recording import open_recording
@@ -53,15 +51,6 @@ def test_wrong_porosity_is_named_and_the_rig_corrected(tmp_path):
     assert stages[-1] == ('done', 1.0)
     fractions = [fraction for _, fraction in stages]
     assert fractions == sorted(fractions)
-
-
-@pytest.mark.usefixtures('undrawn')
-def test_what_is_odd_in_the_recordings_stands_in_every_report(coarse_denser, tmp_path):
-    summary = write_diagnosis(
-        replace(coarse_denser, remarks=('monday: the clocks differ',)), tmp_path
-    )
-    assert summary['remarks'] == ['monday: the clocks differ']
-    assert 'monday: the clocks differ' in (tmp_path / 'report.html').read_text()
 
 
 @pytest.mark.usefixtures('undrawn')
@@ -210,11 +199,6 @@ def rig_with_depth_map(path: Path) -> Rig:
     data = SMALL.model_dump(mode='json', exclude_defaults=True)
     depth = {'file': path.name, 'variable': 'depth'}
     return parse_rig({**data, 'depth_m': depth}, path.parent / 'rig.yaml')
-
-
-def on_rig(result: Diagnosis, rig: Rig) -> Diagnosis:
-    """Return `result` as if its recording described `rig`."""
-    return replace(result, recordings=(replace(result.recordings[0], rig=rig),))
 
 
 @pytest.mark.parametrize('name', ['rates.csv', 'concentration.nc', 'imaging.csv'])

@@ -42,9 +42,19 @@ class Evidence:
         return self.may_have_held_tracer and moved
 
     @property
+    def is_coarse(self) -> bool:
+        """Whether cells are too large for a confident verdict."""
+        return self.cells_along < SCANT_CELLS
+
+    @property
+    def has_few_frames(self) -> bool:
+        """Whether frames with tracer are too few for a confident verdict."""
+        return self.fitted_frames < SCANT_FRAMES
+
+    @property
     def scant(self) -> bool:
         """Whether cells are too large, or frames too few, for a confident verdict."""
-        return self.fitted_frames < SCANT_FRAMES or self.cells_along < SCANT_CELLS
+        return self.has_few_frames or self.is_coarse
 
 
 def gather(

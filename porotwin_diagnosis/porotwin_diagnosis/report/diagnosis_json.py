@@ -21,9 +21,9 @@ from porotwin_diagnosis.decision.verdict import NUMERICAL
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.gap_map import Phase, Spot
-from porotwin_diagnosis.report.doubts import doubt_words
 from porotwin_diagnosis.report.named_rows import occurrence, with_occurrences
 from porotwin_diagnosis.report.origin import origin_of
+from porotwin_diagnosis.report.templates import said
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import overall_misfit, score
 from porotwin_diagnosis.thresholds import INTERVAL_DEVIATIONS
@@ -58,7 +58,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         'schema': 1,
         'verdict': verdict.name,
         'confidence': round(verdict.confidence, 3),
-        'doubt': doubt_words(result),
+        'doubt': said('doubt.txt.j2', 'doubt', {'verdict': verdict, 'evidence': result.evidence}),
         'untried': findings.untried,
         'not_separable_from': list(verdict.not_separable),
         'combination': list(verdict.members) if verdict.kept else [],

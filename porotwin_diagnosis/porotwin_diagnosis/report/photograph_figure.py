@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from PIL import Image
 
-from porotwin_core.clock.time_units import time_unit
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import Camera, Rig
 from porotwin_diagnosis.decision.held_out import HeldOut
@@ -83,7 +82,7 @@ def _draw_upon(axis: Axes, result: Diagnosis, to_pixels: ToPixels) -> None:
     part = result.held_out[0]
     rig = result.recordings[0].rig
     grid = rig.grid(*part.observed.shape[:0:-1])
-    if _gap_has_a_place(result):
+    if gap_has_a_place(result):
         strength = result.gap.strength
         share = strength / max(float(strength.max()), 1e-12)
         edges = np.meshgrid(
@@ -102,7 +101,7 @@ def _draw_upon(axis: Axes, result: Diagnosis, to_pixels: ToPixels) -> None:
             )
 
 
-def _gap_has_a_place(result: Diagnosis) -> bool:
+def gap_has_a_place(result: Diagnosis) -> bool:
     """Return whether the place of the gap means something: no effect of the camera makes it."""
     verdict = result.verdict
     return verdict.name != NONE and not any(map(is_of_camera, verdict.members))
@@ -115,16 +114,3 @@ def _fronts(result: Diagnosis, part: HeldOut) -> list[tuple[FloatArray, str, str
     """
     before = (part.before[-1], BEFORE, '--')
     return [before] if result.verdict.name == NONE else [(part.after[-1], AFTER, '-'), before]
-
-
-def caption(time: float, result: Diagnosis) -> str:
-    """Return what the photograph taken at `time` [s] shows, with what is drawn upon it."""
-    first = f'The last photograph, {time_unit(result.samples[0].duration).text(time)}.'
-    if result.recordings[0].rig.camera is None:
-        return first
-    lines = 'Red, dashed: the front of the model as it is (half of the stock).'
-    if result.verdict.name == NONE:
-        return f'{first} {lines}'
-    lines += ' Blue: with the correction.' if result.verdict.kept else ' Blue: of the best model.'
-    tint = ' Pink: where the gap arises.' if _gap_has_a_place(result) else ''
-    return f'{first} {lines}{tint}'

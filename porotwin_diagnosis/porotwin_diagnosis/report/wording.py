@@ -169,6 +169,19 @@ def percent(share: float) -> str:
     return units.percent(share, 1)
 
 
+def closed(errors: Mapping[str, float]) -> str:
+    """Return the share of the gap that closes, with its interval."""
+    ends = ('gap_closed', 'gap_closed_low', 'gap_closed_high')
+    middle, low, high = (100 * min(max(0.0, errors[end]), 1.0) for end in ends)
+    return f'{middle:.0f} % ({low:.0f} … {high:.0f} %)'
+
+
+def origin(name: str) -> str:
+    """Return whether the effect `name` belongs to the camera, to the model or to the rig."""
+    scope = EFFECTS[name].scope
+    return scope.value if scope in (Scope.CAMERA, Scope.MODEL) else 'rig'
+
+
 def inputs(sample: Sample) -> str:
     """Return the inputs of the simulations of `sample` in words."""
     rates = 'the rates of the pumps'
