@@ -1,18 +1,22 @@
 """The data of an experiment for the checks."""
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import MINUTE_S
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.gauge_reading import GaugeReading
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
 from porotwin_solver.effects import tracer_storage
+from porotwin_solver.model.rates_into_sand import rates_into_sand
 
 MOST_MAPS = 24
 """Maps that a check looks at, evenly spread, where it need not see all."""
@@ -44,7 +48,7 @@ class Known:
         rig: its description.
         commanded: rates that the pumps should deliver.
         measured: rates that they delivered, where somebody measured them.
-        rates: the delivered rates as far as they are known: measured, else commanded.
+        pumped: the delivered rates as far as they are known: measured, else commanded.
         times: times of the maps [s], ascending, (nt,).
         maps: the maps; None where they are not to be opened.
         scaled_maps: the maps, if their concentrations may be right; None if nothing calibrated
@@ -57,7 +61,7 @@ class Known:
     rig: Rig
     commanded: Schedule | None = None
     measured: Schedule | None = None
-    rates: Schedule | None = None
+    pumped: Schedule | None = None
     times: Sequence[float] | FloatArray = ()
     maps: Maps | None = None
     scaled_maps: Maps | None = None
@@ -73,6 +77,16 @@ class Known:
         if isinstance(value, Schedule):
             return bool(value.rows)
         return value is not None and len(self.times if name.endswith('maps') else value) > 0
+
+    @cached_property
+    def rates(self) -> Schedule | None:
+        """The `pumped` rates as they reach the sand by the effects of `rig`; None: not known.
+
+        Refused effects change nothing: the check `refused_effects` tells them.
+        """
+        with contextlib.suppress(InputError):
+            return None if self.pumped is None else rates_into_sand(self.rig, self.pumped)
+        return self.pumped
 
     def name_of(self, number: int) -> str:
         """Return the name of a map by its `number`."""

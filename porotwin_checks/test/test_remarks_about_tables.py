@@ -40,7 +40,7 @@ def recording(
     )
     values = np.full((2, 4, 5), value, np.float32)
     rates = Schedule(rows)
-    return Known(rig=RIG, commanded=rates, rates=rates, times=[0.0, end], maps=values)
+    return Known(rig=RIG, commanded=rates, pumped=rates, times=[0.0, end], maps=values)
 
 
 class Photo(NamedTuple):
@@ -326,7 +326,7 @@ def test_rates_say_nothing_of_a_pause_after_the_recording() -> None:
     rig = with_control(producer=None, fixed=fixed, end_min=30.0)
     running = Schedule((ScheduleRow(0.0, 'in', WellRate(from_ml_h(500.0), 1.0)),))
     for end, told in ((480.0, 0), (900.0, 1)):
-        known = Known(rig=rig, commanded=running, rates=running, photos=[Photo(end, 'a', 'state')])
+        known = Known(rig=rig, commanded=running, pumped=running, photos=[Photo(end, 'a', 'state')])
         assert [one.code for one in found_in(known)].count('pumps_in_pause') == told
 
 

@@ -15,6 +15,7 @@ from PIL import Image, UnidentifiedImageError
 from porotwin_checks.all_checks import OF_MAPS, OF_RIG, OF_TABLES
 from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_checks.checks.injected_volume import injected
+from porotwin_checks.checks.planned_stock import pumped_plan
 from porotwin_checks.known import Known
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
@@ -364,10 +365,8 @@ def announced_rates(checked: CheckedRig) -> Schedule:
 
 def stock_words(checked: CheckedRig) -> str | None:
     """Return how much stock the plan leaves in the bottle; None if its volume is not told."""
-    rig, data = checked.rig, checked.data
-    plan = _known_rates(rig, data)
-    end = last_time(rig, data)
-    bottle = bottle_at(rig, plan, end)
+    known = _known(checked.rig, checked.data)
+    bottle = bottle_at(known.rig, pumped_plan(known), end := known.end)
     if bottle is None:
         return None
     return f'stock: {bottle.left * ML:.4g} ml are left in the bottle at {end:g} s'

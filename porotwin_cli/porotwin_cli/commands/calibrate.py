@@ -137,7 +137,7 @@ def _calibrated(
             rig,
             [photo.read() for photo in photos if photo.role == 'baseline'],
             ((photo.time, photo.read()) for photo in states),
-            schedule=schedule,
+            schedule=recording.known().rates,
             dilutions=[
                 DilutionPhoto(photo.time, photo.read, photo.concentration)
                 for photo in photos

@@ -195,7 +195,7 @@ def _refined(
         recording.rig,
         clean,
         [(photo.time, photo.read) for photo in photos.states],
-        recording.known_rates,
+        recording.known().rates,
         source=source,
         baseline_names=photos.baseline_files,
     )

@@ -47,6 +47,7 @@ from porotwin_siblings.proposed_rates import (
 )
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import REACHED_SHARE, ZoneMeasure
+from porotwin_solver.model.rates_into_sand import rates_of_pumps
 from porotwin_solver.model.water_balance import WaterBalance, water_balance
 
 NO_ZONE = (
@@ -127,7 +128,8 @@ class WhatIfStudy:
         for step in self.pumped_plan(outlook):
             begin = self.start + step.start
             rows += [ScheduleRow(begin, well, rate) for well, rate in step.rates.items()]
-        return bottle_at(self.rig, Schedule(tuple(rows)), self.start + float(outlook.times[-1]))
+        plan = rates_of_pumps(self.rig, Schedule(tuple(rows)))
+        return bottle_at(self.rig, plan, self.start + float(outlook.times[-1]))
 
     @property
     def time_unit(self) -> TimeUnit:

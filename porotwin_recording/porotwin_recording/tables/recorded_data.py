@@ -91,7 +91,7 @@ class RecordedData:
         maps = self.maps
         return replace(
             self._known_without_rates,
-            rates=self.known_rates,
+            pumped=self.known_rates,
             maps=maps,
             scaled_maps=None if maps is None or maps.origin.calibrated is False else maps,
             names=names,
