@@ -94,12 +94,17 @@ class Known:
 
     @property
     def end(self) -> float:
-        """The last known time [s]; without maps and photographs, the end of the experiment too."""
+        """The last known time [s] of a recording; the end of the experiment of a plan, or of a rig.
+
+        A plan is rates without maps, photographs and measured rates. Whoever runs it stops at
+        `control.end_min`, whatever rows come later.
+        """
+        control = self.rig.control
+        is_recorded = self.has('times') or self.photos or self.has('measured')
+        if not is_recorded and control is not None and control.end_min is not None:
+            return MINUTE_S * control.end_min
         tables = [rates.rows for rates in (self.commanded, self.measured) if rates is not None]
         times = [0.0, *(row.time for rows in tables for row in rows), *map(float, self.times[-1:])]
-        control = self.rig.control
-        if control is not None and not (self.has('times') or self.photos):
-            times.append(MINUTE_S * (control.end_min or 0.0))
         return max([*times, *(photo.time for photo in self.photos)])
 
     @property

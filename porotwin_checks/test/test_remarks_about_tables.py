@@ -357,3 +357,16 @@ def test_readings_that_cannot_be_right_are_odd(
 ) -> None:
     found = found_in(replace(recording(), readings=readings))
     assert [remark.code for remark in found] == codes
+
+
+def test_a_plan_ends_with_the_experiment_and_later_rows_are_told() -> None:
+    """`check` told two ends: that of the control section, and the last row of the plan."""
+    data = recording(last=4500.0)
+    rig = with_control(end_min=60.0, producer=None)
+    plan = replace(data, rig=rig, times=(), maps=None)
+    assert plan.end == 3600.0
+    assert 'rows_after_end' in {one.code for one in found_in(plan)}
+    assert 'rows_after_end' not in {one.code for one in found_in(replace(plan, rig=RIG))}
+    recorded = replace(data, rig=rig, times=[0.0, 4200.0])
+    assert recorded.end == 4500.0
+    assert 'rows_after_end' not in {one.code for one in found_in(recorded)}
