@@ -9,7 +9,6 @@ from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import MINUTE_S
 from porotwin_core.rates.wells import quoted
 
-
 AFTER_END = (
     'its last change is at {last_min:.4g} min, and the experiment ends at {end_min:g} min, so that '
     'it never happens; correct control.end_min of rig.yaml, or the rows'

@@ -91,7 +91,7 @@ def command(
     from porotwin_imaging.tracer.calibration import RELATIVE, load_calibration, save_calibration
     from porotwin_recording.experiment.photo_source import fingerprints
     from porotwin_recording.experiment.recording import open_recording
-    from porotwin_recording.tables.concentration import MapOrigin, open_maps
+    from porotwin_recording.tables.concentration import VIRTUAL, MapOrigin, open_maps
     from porotwin_recording.tables.map_parts import MapParts
 
     picture = picture_beside(output)
@@ -108,7 +108,7 @@ def command(
     origin = MapOrigin(
         calibration is not None,
         sha256_of_file(calibration),
-        maker('image'),
+        maker(f'image, {VIRTUAL}' if recording.is_virtual else 'image'),
         RELATIVE if relative else '',
     )
     clean = [photo.read() for photo in photos.baselines]

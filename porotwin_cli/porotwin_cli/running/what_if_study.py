@@ -356,8 +356,8 @@ def horizon_ahead(recording: Recording, start: float, asked: float | None) -> fl
     if left <= 0.0 or (asked is not None and asked > left):
         remedy = 'give an earlier --at' if left <= 0.0 else f'give --horizon {left:.0f}s at most'
         raise InputError(
-            f'{recording.source}: the forecast would pass the end of the experiment, control.end_min '
-            f'{end_min:g}; {remedy}, or correct rig.yaml'
+            f'{recording.source}: the forecast would pass the end of the experiment, '
+            f'control.end_min {end_min:g}; {remedy}, or correct rig.yaml'
         )
     usual = min(max(OPEN_HORIZON_S, last - start), LONGEST_HORIZON_S)
     return min(usual, left) if asked is None else asked

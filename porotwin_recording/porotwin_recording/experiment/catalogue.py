@@ -1,10 +1,12 @@
 """A catalogue of recordings, from their indexes and a few of their messages.
 
-Photographs and maps are not read, so that hundreds of bags of 100 GB take seconds. An entry needs
-the index of a bag, the chunk with the rig, and the chunks with a first and a last message.
+Photographs and maps are not read, but for the head of a photograph in a folder, so that hundreds of
+bags of 100 GB take seconds. An entry needs the index of a bag, the chunk with the rig, and the
+chunks with a first and a last message.
 """
 
 import contextlib
+import itertools
 import os
 import re
 import time
@@ -34,6 +36,7 @@ from porotwin_recording.mcap.bag_folder import (
 )
 from porotwin_recording.mcap.mcap_summary import McapSummary, summary_of
 from porotwin_recording.mcap.serialization import SECOND
+from porotwin_recording.tables.concentration import is_of_virtual_rig
 from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_recording.tables.recording_date import date_of_files
 
@@ -77,7 +80,7 @@ class CatalogueEntry:
         costa: the network that corrected its forecasts; empty: none.
         calibration: SHA-256 of the calibration of its maps; empty: none, or not known.
         remarks: faults, one line each.
-        virtual: whether the virtual rig made its maps itself.
+        virtual: whether the virtual rig made its maps, or took its photographs.
     """
 
     path: Path
@@ -190,7 +193,7 @@ def _folder_entry(path: Path) -> CatalogueEntry:
         effects=tuple(effect.name for effect in data.rig.effects),
         calibration=origin.calibration if origin else '',
         remarks=tuple(f'{path}: {text}' for text in data.remarks),
-        virtual=origin is not None and origin.is_virtual,
+        virtual=data.is_virtual,
     )
 
 
@@ -238,6 +241,7 @@ def _bag_entry(path: Path) -> CatalogueEntry:
         costa=_costa(filled),
         calibration=str(getattr(state, 'calibration', '')),
         remarks=tuple(remarks),
+        virtual=any(map(is_of_virtual_rig, itertools.chain(*(p.programs() for p in filled)))),
     )
 
 
