@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +40,31 @@ class ListedPhoto(Protocol):
     def role(self) -> str: ...
 
 
+class PhotoFile(NamedTuple):
+    """The file of a photograph.
+
+    name: of the photograph; size: width and height [px], None if it is no picture; is_cut: it ends
+    before its picture; digest: of its bytes, empty where it could not be read.
+    """
+
+    name: str
+    size: tuple[int, int] | None
+    is_cut: bool
+    digest: bytes
+
+
 @dataclass(frozen=True, kw_only=True)
 class Known:
     """The known data of an experiment; None or empty where nothing is known.
+
+    A check names in `needs` the attributes without which it is not asked, and sees no others as
+    known. Its needs also tell who asks it:
+
+    - `maps` or `scaled_maps`: whoever evaluates maps, such as `image`, `measure` and `diagnose`;
+    - `seen_photos`: whoever reads photographs, which are `check`, `image` and `calibrate`;
+    - `rig`, which is always known: `check`, `import`, `diagnose`, and whoever starts a twin. These
+      are questions that a rig alone can answer;
+    - all others: whoever opens a recording.
 
     Attributes:
         rig: its description.
@@ -56,6 +78,8 @@ class Known:
         photos: the listed photographs, ordered by time.
         names: a name for each map, such as its photograph; empty: they are named by their times.
         readings: of balances and manometers, ordered by time.
+        seen_photos: files of photographs, in their order, where somebody read them.
+        chosen_cells: grid of predictions; None: the usual one of the rig.
     """
 
     rig: Rig
@@ -68,6 +92,8 @@ class Known:
     photos: Sequence[ListedPhoto] = ()
     names: Sequence[str] = ()
     readings: Sequence[GaugeReading] = ()
+    seen_photos: Sequence[PhotoFile] = ()
+    chosen_cells: Grid | None = None
 
     def has(self, name: str) -> bool:
         """Return whether the attribute `name` is known, and not empty."""
@@ -82,7 +108,7 @@ class Known:
     def rates(self) -> Schedule | None:
         """The `pumped` rates as they reach the sand by the effects of `rig`; None: not known.
 
-        Refused effects change nothing: the check `refused_effects` tells them.
+        Refused effects change nothing here: who uses the model tells them.
         """
         with contextlib.suppress(InputError):
             return None if self.pumped is None else rates_into_sand(self.rig, self.pumped)
@@ -112,6 +138,11 @@ class Known:
         """The grid of the maps."""
         assert self.maps is not None
         return self.rig.grid(*self.maps[0].shape[::-1])
+
+    @property
+    def cells(self) -> Grid:
+        """The grid of predictions."""
+        return self.chosen_cells or self.rig.default_grid()
 
     @property
     def looked_at(self) -> list[int]:

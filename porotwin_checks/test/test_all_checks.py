@@ -10,7 +10,14 @@ import pytest
 from box_rig import box_rig
 
 from porotwin_checks import checks
-from porotwin_checks.all_checks import CHECKS, OF_MAPS, OF_RIG, OF_TABLES, remarks_about
+from porotwin_checks.all_checks import (
+    CHECKS,
+    OF_MAPS,
+    OF_PHOTOGRAPHS,
+    OF_RIG,
+    OF_TABLES,
+    remarks_about,
+)
 from porotwin_checks.known import Known
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 
@@ -20,7 +27,7 @@ RIG = box_rig(**{'in': (0.1, 0.1)})
 def test_a_check_is_found_because_its_file_lies_in_the_folder() -> None:
     files = {path.stem for path in Path(checks.__file__).parent.glob('*.py')} - {'__init__'}
     assert set(CHECKS) == files
-    assert {*OF_MAPS, *OF_RIG, *OF_TABLES} == files
+    assert {*OF_MAPS, *OF_RIG, *OF_TABLES, *OF_PHOTOGRAPHS} == files
 
 
 @pytest.mark.parametrize('name', sorted(CHECKS))

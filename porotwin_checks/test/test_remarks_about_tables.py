@@ -179,6 +179,16 @@ def test_photographs_that_do_not_fit_are_named(photos: tuple[Photo, ...], code: 
     assert [remark.code for remark in found_in(Known(rig=RIG, photos=photos))] == [code]
 
 
+def test_all_photographs_in_several_lines_are_told_with_their_roles() -> None:
+    listed = (BASELINE, photo(0.0, BASELINE.name), photo(30.0, 'b.jpg'), photo(60.0, './b.jpg'))
+    (remark,) = found_in(Known(rig=RIG, photos=listed))
+    assert remark.code == 'listed_twice'
+    assert remark.facts['roles'] == {
+        BASELINE.name: ['baseline', 'state'],
+        'b.jpg': ['state', 'state'],
+    }
+
+
 @pytest.mark.parametrize(
     ('value', 'named'),
     [(50.0, 'percent'), (255.0, 'grey values'), (2.0, 'scale')],
@@ -360,7 +370,7 @@ def test_readings_that_cannot_be_right_are_odd(
 
 
 def test_a_plan_ends_with_the_experiment_and_later_rows_are_told() -> None:
-    """`check` told two ends: that of the control section, and the last row of the plan."""
+    """`check` told two ends: by the control section, and by the last row of the plan."""
     data = recording(last=4500.0)
     rig = with_control(end_min=60.0, producer=None)
     plan = replace(data, rig=rig, times=(), maps=None)

@@ -1,4 +1,4 @@
-"""The rates that reach the sand are those of a free run."""
+"""The rates that reach the sand agree with a free run."""
 
 import pytest
 from box_rig import box_rig

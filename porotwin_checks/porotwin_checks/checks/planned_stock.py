@@ -18,9 +18,9 @@ from porotwin_solver.model.rates_into_sand import rates_of_pumps
 
 
 def pumped_plan(known: Known) -> Schedule:
-    """Return what the pumps take from their bottles, as recorded or else as rig.yaml says."""
+    """Return the rates that leave the bottles, as recorded or else as rig.yaml says."""
     plan = known.pumped or uncontrolled_rates(known.rig)
-    with contextlib.suppress(InputError):  # `refused_effects` tells it
+    with contextlib.suppress(InputError):  # who uses the model tells it
         return rates_of_pumps(known.rig, plan)
     return plan
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.clock.stamps import SINCE_1970
+from porotwin_core.clock.stamps import SAME_MOMENT_S, SINCE_1970
 from porotwin_recording.experiment.experiment_folder import (
     FILES,
     RIG_FILE,
@@ -61,7 +61,8 @@ class CatalogueEntry:
     Attributes:
         path: the bag or experiment folder.
         kind: `bag` or `folder`.
-        state: `complete`, `truncated` (no end, or files are missing), `recording` (no end yet),
+        state: `complete`, of a bag by the index at its end: damage before that shows when it is
+            read; `truncated` (no end, or files are missing), `recording` (no end yet),
             `unfinished` (a folder whose maps are not complete), `compressed` (its files are read
             only as a whole) or `unreadable`.
         size_bytes: size of its files.
@@ -138,6 +139,27 @@ def find_recordings(root: Path) -> Iterator[Path]:
             yield folder
         else:
             yield from (folder / name for name in files)
+
+
+def without_copies(entries: Iterable[CatalogueEntry]) -> list[CatalogueEntry]:
+    """Return `entries` without bags of the experiment whose tables lie in the same folder.
+
+    Such a folder is read by its tables, and tells its bag in a remark.
+    """
+    found = list(entries)
+    folders = {entry.path: entry for entry in found if entry.kind == 'folder'}
+    for bag in [entry for entry in found if entry.kind == 'bag']:
+        folder = folders.get(bag.path.parent)
+        if folder is not None and _same_experiment(folder, bag):
+            found.remove(bag)
+            line = f'{folder.path}: {bag.path.name} holds the same experiment; the tables are read'
+            found[found.index(folder)] = replace(folder, remarks=(*folder.remarks, line))
+    return found
+
+
+def _same_experiment(one: CatalogueEntry, other: CatalogueEntry) -> bool:
+    both = ((entry.rig, entry.photographs, entry.maps) for entry in (one, other))
+    return len(set(both)) == 1 and abs(one.duration_s - other.duration_s) < SAME_MOMENT_S
 
 
 def _is_part(name: str, folder: Path) -> bool:

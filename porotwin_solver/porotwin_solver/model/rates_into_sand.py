@@ -12,7 +12,7 @@ from porotwin_solver.effects import acting, described_physics
 
 
 def rates_of_pumps(rig: Rig, schedule: Schedule) -> Schedule:
-    """Return what the pumps of `rig` take from their bottles by a `schedule`.
+    """Return the rates that leave the bottles of `rig` by a `schedule`.
 
     Raises:
         InputError: the model refuses an effect of the rig, or the rig has no such well.
@@ -21,9 +21,9 @@ def rates_of_pumps(rig: Rig, schedule: Schedule) -> Schedule:
 
 
 def rates_into_sand(rig: Rig, schedule: Schedule) -> Schedule:
-    """Return the rates and concentrations with which a `schedule` reaches the sand of `rig`.
+    """Return the rates and concentrations that reach the sand of `rig` by a `schedule`.
 
-    They are those of a free run: pumps deliver another share, bottles are weaker, tubes hold water.
+    A free run has the same: pumps deliver another share, bottles are weaker, tubes hold water.
 
     Raises:
         InputError: as `rates_of_pumps`.

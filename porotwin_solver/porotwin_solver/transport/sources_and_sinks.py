@@ -39,7 +39,7 @@ class SourcesAndSinks:
     def active(self, rates: WellRates) -> list[ActiveSource]:
         """Return the sources and sinks whose rate is not zero.
 
-        The rates of wells are those of `Physics.injected`. Leaks are included.
+        `Physics.injected` gives the rates of wells. Leaks are included.
 
         Raises:
             InputError: a rate for a well that the rig does not have.
