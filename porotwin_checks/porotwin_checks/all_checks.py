@@ -13,7 +13,7 @@ CHECKS: dict[str, Check[Known]] = discovered(
 """All checks by the names of their modules, in alphabetical order."""
 
 OF_RIG = {name: check for name, check in CHECKS.items() if 'rig' in check.needs}
-"""The checks of a rig that is about to run: who starts a twin, imports or diagnoses asks them."""
+"""The checks of a rig: who starts a twin, or works with a recording of it, asks them."""
 
 OF_PHOTOGRAPHS = {name: check for name, check in CHECKS.items() if 'seen_photos' in check.needs}
 """The checks of the files of photographs: whoever reads these asks them."""

@@ -62,8 +62,8 @@ class Known:
 
     - `maps` or `scaled_maps`: whoever evaluates maps, such as `image`, `measure` and `diagnose`;
     - `seen_photos`: whoever reads photographs, which are `check`, `image` and `calibrate`;
-    - `rig`, which is always known: `check`, `import`, `diagnose`, and whoever starts a twin. These
-      are questions that a rig alone can answer;
+    - `rig`, which is always known: `check`, `import`, `image`, `calibrate`, `diagnose`, and whoever
+      starts a twin. These are questions that a rig alone can answer;
     - all others: whoever opens a recording.
 
     Attributes:

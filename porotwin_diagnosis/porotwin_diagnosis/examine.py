@@ -149,7 +149,7 @@ def examine(
             *odd_lines(recordings, OF_TABLES),
             *odd,
             *averaged,
-            *odd_heads(found),
+            *(line for line in odd_heads(found) if not any(line in told for told in odd)),
         ),
         seconds=time.perf_counter() - began,
     )

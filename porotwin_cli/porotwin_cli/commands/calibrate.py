@@ -45,7 +45,7 @@ def command(
 
     Example: ./porotwin calibrate monday --output monday-calibration
     """
-    from porotwin_checks.all_checks import OF_MAPS, OF_PHOTOGRAPHS, remarks_about
+    from porotwin_checks.all_checks import OF_MAPS, OF_PHOTOGRAPHS, OF_RIG, remarks_about
     from porotwin_cli.photographs.seen_photos import SeenPhotos
     from porotwin_recording.experiment.recording import odd_lines, open_recording
     from porotwin_recording.tables.one_writer import only_writer
@@ -54,7 +54,7 @@ def command(
     target = output or _beside(folder)
     _refuse_complete(target)
     recording = open_recording(folder)
-    for line in odd_lines([recording], OF_MAPS):
+    for line in odd_lines([recording], OF_MAPS | OF_RIG):
         say(line)
     seen = SeenPhotos().of(recording.photos)
     for remark in remarks_about(replace(recording.known(), seen_photos=seen), OF_PHOTOGRAPHS):

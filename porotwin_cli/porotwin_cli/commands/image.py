@@ -68,7 +68,7 @@ def command(
 
     Example: ./porotwin image experiment --output experiment/concentration.nc --grid 280x150
     """
-    from porotwin_checks.all_checks import OF_MAPS, OF_PHOTOGRAPHS, remarks_about
+    from porotwin_checks.all_checks import OF_MAPS, OF_PHOTOGRAPHS, OF_RIG, remarks_about
     from porotwin_cli.options.grids import grid_of
     from porotwin_cli.options.output_files import check_output, maker, maps_are_kept
     from porotwin_cli.photographs.imaged_maps import ExperimentPhotos, write_maps
@@ -140,7 +140,7 @@ def command(
     names = [str(entry['photo']) for entry in made.entries]
     imaged = replace(recording, maps=open_maps(output, rig))
     known = replace(imaged.known(names), seen_photos=made.seen)
-    odd = remarks_about(known, OF_PHOTOGRAPHS | OF_MAPS)
+    odd = remarks_about(known, OF_PHOTOGRAPHS | OF_MAPS | OF_RIG)
     for remark in odd:
         say(str(remark))
     known_factors = used.factor_deviations if used else ()

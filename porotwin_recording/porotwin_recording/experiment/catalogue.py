@@ -81,7 +81,8 @@ class CatalogueEntry:
         costa: the network that corrected its forecasts; empty: none.
         calibration: SHA-256 of the calibration of its maps; empty: none, or not known.
         remarks: faults, one line each.
-        virtual: whether the virtual rig made its maps, or took its photographs.
+        virtual: whether the virtual rig made its maps, or took its photographs. A live bag tells it
+            in its photographs only, which are not read here.
     """
 
     path: Path
