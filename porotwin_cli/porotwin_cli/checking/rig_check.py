@@ -166,11 +166,12 @@ def check(
         remarks += remarks_about_known(known, OF_RIG)
         if data is not None and data.photos:
             seen = SeenPhotos().of(data.photos)
-            told = remarks_about_known(replace(known, seen_photos=seen), OF_PHOTOGRAPHS)
-            remarks += told
-            if rig.camera is not None:
-                photograph, of_corners = _first_baseline(rig, data.photos)
-                remarks += of_corners
+            remarks += remarks_about_known(replace(known, seen_photos=seen), OF_PHOTOGRAPHS)
+            whole = {file.name for file in seen if file.size is not None and not file.is_cut}
+            first = next((one for one in data.photos if one.role == 'baseline'), data.photos[0])
+            if rig.camera is not None and first.name in whole:
+                photograph, of_baseline = _seen_baseline(rig, first)
+                remarks += of_baseline
     planned = None
     if rig.control is not None and data is not None and data.commanded and holds_plan(path):
         try:
@@ -482,21 +483,19 @@ def _cost(rig: Rig, grid: Grid, preset: str, interval: float) -> PredictionCost 
     return prediction_cost(rig, grid, preset=preset, duration=interval, slowness=slowness)
 
 
-def _first_baseline(
-    rig: Rig, photos: Sequence[Photo]
-) -> tuple[NDArray[np.uint8] | None, list[Remark]]:
-    """Return the pixels of the first baseline photograph, and the remarks about the corners there.
+def _seen_baseline(rig: Rig, baseline: Photo) -> tuple[NDArray[np.uint8] | None, list[Remark]]:
+    """Return the pixels of a `baseline`, None if it is damaged, and the remarks about it.
 
-    Imaging asks the same, so that whoever makes a baseline is told it. None: it cannot be
-    read, which `photograph_files` tells if its file is not whole.
+    They are no checks of their own: imaging decodes it and asks the same about the corners, so that
+    whoever makes a baseline is told.
     """
-    baseline = next((photo for photo in photos if photo.role == 'baseline'), photos[0])
     assert rig.camera is not None
     try:
         with Image.open(io.BytesIO(baseline.read())) as picture:
             pixels = np.asarray(picture.convert('RGB'))
-    except (InputError, OSError, ValueError, SyntaxError):
-        return None, []
+    except (OSError, ValueError, SyntaxError) as damage:
+        why = f'it is damaged: {damage}'
+        return None, [Remark('photographs', baseline.name, why, 'copy it from the camera again')]
     rows, columns = pixels.shape[:2]
     try:
         refuse_corners_outside(rig.camera, (columns, rows))

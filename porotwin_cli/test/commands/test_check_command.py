@@ -509,20 +509,25 @@ def test_an_injection_of_many_pore_volumes_is_odd(tmp_path: Path) -> None:
     assert (remark.code, remark.facts['end_s']) == ('much_injected', 3e7)
 
 
-def test_a_cut_baseline_photograph_is_a_remark(tmp_path: Path) -> None:
+@pytest.mark.parametrize(('cut', 'told'), [(True, 'cut_photos'), (False, 'it is damaged')])
+def test_a_damaged_baseline_photograph_is_one_remark(tmp_path: Path, cut: bool, told: str) -> None:
     from PIL import Image
 
-    folder = tmp_path / 'cut'
+    folder = tmp_path / 'damaged'
     (folder / 'photos').mkdir(parents=True)
     rig = yaml.safe_load(small_rig().read_text())
     rig['camera'] = {'corners_px': [[10, 10], [10, 90], [150, 90], [150, 10]]}
     (folder / 'rig.yaml').write_text(yaml.safe_dump(rig))
-    (folder / 'imaging.csv').write_text('time_s,path,role\n0,photos/a.jpg,baseline\n')
+    (folder / 'imaging.csv').write_text('time_s,path,role\n0,photos/a.png,baseline\n')
     noise = np.random.default_rng(1).integers(0, 255, (100, 160, 3), dtype=np.uint8)
-    Image.fromarray(noise).save(folder / 'photos' / 'a.jpg')
-    whole = (folder / 'photos' / 'a.jpg').read_bytes()
-    (folder / 'photos' / 'a.jpg').write_bytes(whole[: len(whole) // 2])
-    assert 'cut_photos' in {one.code for one in check(folder).remarks}
+    picture = folder / 'photos' / 'a.png'
+    Image.fromarray(noise).save(picture)
+    whole = picture.read_bytes()
+    middle = len(whole) // 2
+    rest = b'' if cut else whole[-middle // 2 :]
+    picture.write_bytes(whole[:middle] + rest)
+    (remark,) = (one for one in check(folder).remarks if one.key == 'photographs')
+    assert told in remark.code + remark.why
 
 
 def test_a_cut_state_photograph_is_a_remark(experiment: Path, tmp_path: Path) -> None:
