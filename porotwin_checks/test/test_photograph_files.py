@@ -27,6 +27,7 @@ def photos(contents: str) -> list[PhotoFile]:
 
 def test_whole_files_of_one_size_are_not_odd() -> None:
     assert found(*photos('123')) == []
+    assert found(*photos('1'), *photos('1')) == [], '`photograph_list` tells a name in two lines'
     assert found(*photos('121')) == [], 'equal files apart: a dry rig may look the same again'
 
 

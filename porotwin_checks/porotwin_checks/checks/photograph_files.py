@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
+from pathlib import PurePosixPath
 
 from porotwin_checks.known import Known, PhotoFile
 from porotwin_core.basis.check import Check
@@ -36,7 +37,8 @@ def _find(known: Known) -> Iterator[Remark]:
         shown = ', '.join(f'{width} x {height} px' for width, height in sorted(sizes))
         yield Remark.of(KEY, 'several_sizes', SIZES, sizes=shown)
     runs = [list(run) for _, run in groupby(photos, _identity)]
-    runs = [run for run in runs if len(run) > 1]
+    # a file in several lines is told by `photograph_list`
+    runs = [run for run in runs if len({PurePosixPath(photo.name) for photo in run}) > 1]
     if runs:
         told = [f'{run[0].name} to {run[-1].name} ({len(run)} photographs)' for run in runs]
         rows = [{'first': r[0].name, 'last': r[-1].name, 'photographs': len(r)} for r in runs]
