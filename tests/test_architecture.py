@@ -104,7 +104,7 @@ ROOMS = {
     ),
     'porotwin_cli': (
         'terminal', 'workspace', 'kernels', 'interrupts', 'memory_limit', 'options',
-        'recorded', 'checking', 'photographs', 'pictures', 'running', 'commands', 'app',
+        'recorded', 'photographs', 'checking', 'pictures', 'running', 'commands', 'app',
         '__main__',
     ),
     LAB: (

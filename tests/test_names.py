@@ -25,6 +25,7 @@ TESTS_WITHOUT_MODULE = {
     'test_other_protocols.py': 'three protocols of pumps by the same tests',
     'test_pump_stop.py': 'the whole twin when a pump stops',
     'test_remarks_about_maps.py': 'all checks together on maps',
+    'test_remarks_about_rigs.py': 'all checks together on rigs',
     'test_same_remarks.py': 'all commands on one recording',
     'test_remarks_about_tables.py': 'all checks together on rates, times and lists',
     'test_real_photographs.py': 'the whole imaging on real photographs',

@@ -13,14 +13,19 @@ CHECKS: dict[str, Check[Known]] = discovered(
 """All checks by the names of their modules, in alphabetical order."""
 
 OF_RIG = {name: check for name, check in CHECKS.items() if 'rig' in check.needs}
-"""The checks of a rig that is about to run: whoever starts a twin or imports a run asks them."""
+"""The checks of a rig: who starts a twin, or works with a recording of it, asks them."""
+
+OF_PHOTOGRAPHS = {name: check for name, check in CHECKS.items() if 'seen_photos' in check.needs}
+"""The checks of the files of photographs: whoever reads these asks them."""
 
 OF_MAPS = {
     name: check
     for name, check in CHECKS.items()
     if not {'maps', 'scaled_maps'}.isdisjoint(check.needs)
 }
-OF_TABLES = {name: check for name, check in CHECKS.items() if name not in OF_MAPS | OF_RIG}
+OF_TABLES = {
+    name: check for name, check in CHECKS.items() if name not in OF_MAPS | OF_RIG | OF_PHOTOGRAPHS
+}
 """The checks that read the values of maps, and the others: whoever opens a recording asks these."""
 
 

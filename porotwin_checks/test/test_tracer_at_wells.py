@@ -28,7 +28,7 @@ def _codes(maps: list[np.ndarray], *rows: ScheduleRow) -> list[str]:
 
 
 def _found(maps: list[np.ndarray], *rows: ScheduleRow) -> list[Remark]:
-    known = Known(rig=RIG, rates=Schedule(rows), times=TIMES, maps=maps, scaled_maps=maps)
+    known = Known(rig=RIG, pumped=Schedule(rows), times=TIMES, maps=maps, scaled_maps=maps)
     return list(CHECK.find(known)) if known.has('rates') else []
 
 
@@ -41,7 +41,7 @@ def test_a_plume_without_its_middle_is_named() -> None:
 def test_a_well_whose_x_and_z_were_exchanged_is_named() -> None:
     rig = box_rig(**{'in': (0.2, 0.3), 'other': (0.05, 0.2)})
     maps = _discs()
-    known = Known(rig=rig, rates=Schedule((STOCK,)), times=TIMES, maps=maps, scaled_maps=maps)
+    known = Known(rig=rig, pumped=Schedule((STOCK,)), times=TIMES, maps=maps, scaled_maps=maps)
     (remark,) = CHECK.find(known)
     assert (remark.code, remark.facts['well']) == ('exchanged_place', 'in')
 

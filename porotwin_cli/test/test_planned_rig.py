@@ -93,3 +93,12 @@ def test_a_check_tells_the_plan_that_up_follows_or_refuses(folder: Path) -> None
     checked = check(folder)
     assert checked.runs, 'rehearse runs it'
     assert any('demo and up refuse' in one.key for one in checked.remarks)
+
+
+def test_a_leak_that_no_well_balances_starts_no_twin(folder: Path) -> None:
+    """Only `check` told it; the hub of `up` could predict nothing."""
+    text = (folder / 'rig.yaml').read_text().replace('{top: open', '{top: closed')
+    leak = 'effects: [{name: leak, parameters: {x: 0.4, z: 0.2, rate: -50.0}}]\n'
+    (folder / 'rig.yaml').write_text(f'{text}\n{leak}')
+    with pytest.raises(InputError, match='leak into a rig whose sides are all closed'):
+        planned_rig(folder)

@@ -1,6 +1,5 @@
 """The earlier findings on a rig beside a new diagnosis of it."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,23 +9,19 @@ import pytest
 from porotwin_cli.checking.rig_past import RigPast
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import EffectDescription, Rig, load_rig
+from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.concentration import VIRTUAL, MapOrigin
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
 PORE_EFFECT = EffectDescription(name='porosity', parameters={'factor': 1.15})
 
 
-@dataclass
-class Made:
-    """A recording without data."""
-
-    source: Path
-    rig: Rig
-    maps: Any = None
+def made(folder: Path) -> Recording:
+    return Recording(source=folder, rig=RIG)
 
 
 def past(folder: Path, name: str, date: str, rig: Rig = RIG) -> RigPast:
-    recordings: Any = [Made(folder / name, rig)]
+    recordings: Any = [Recording(source=folder / name, rig=rig)]
     return RigPast(folder / 'history', recordings, date)
 
 
@@ -86,9 +81,9 @@ def test_a_history_of_another_rig_is_refused_before_the_work(tmp_path: Path) -> 
 
 
 def test_what_a_replaced_finding_held_besides_is_told(tmp_path: Path) -> None:
-    recordings: Any = [Made(tmp_path / 'monday', RIG), Made(tmp_path / 'tuesday', RIG)]
+    recordings: Any = [made(tmp_path / 'monday'), made(tmp_path / 'tuesday')]
     RigPast(tmp_path / 'history', recordings, '2025-11-23').remember(summary(1.15))
-    recordings = [Made(tmp_path / 'tuesday', RIG), Made(tmp_path / 'friday', RIG)]
+    recordings = [made(tmp_path / 'tuesday'), made(tmp_path / 'friday')]
     *_, line = RigPast(tmp_path / 'history', recordings, '2025-11-27').remember(summary(1.15))
     assert 'monday together with this recording was replaced' in line
     (line,) = past(tmp_path, 'friday', '2025-11-27').remember(summary(1.15))
@@ -106,10 +101,10 @@ def test_a_finding_on_the_virtual_rig_is_no_belief_about_the_real_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     maps = SimpleNamespace(origin=MapOrigin(program=f'PoroTwin 1.0, {VIRTUAL}'))
-    rehearsed: Any = [Made(tmp_path / 'rehearsed', RIG, maps)]
+    rehearsed: Any = [Recording(source=tmp_path / 'rehearsed', rig=RIG, maps=maps)]
     virtual = RigPast(tmp_path / 'history', rehearsed, '2025-11-23')
     assert 'rehearsed: was made by the virtual rig' in capsys.readouterr().err
     virtual.remember(summary(1.15))
     assert past(tmp_path, 'tuesday', '2025-11-24').before == []
-    again: Any = [Made(tmp_path / 'rehearsed-again', RIG, maps)]
+    again: Any = [Recording(source=tmp_path / 'rehearsed-again', rig=RIG, maps=maps)]
     assert len(RigPast(tmp_path / 'history', again, '2025-11-24').before) == 1

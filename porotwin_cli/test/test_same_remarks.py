@@ -17,7 +17,7 @@ from porotwin_cli.commands import calibrate, diagnose, image, import_
 from porotwin_core.basis.check import Check
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
-from porotwin_core.rig import Boundaries, Camera
+from porotwin_core.rig import Boundaries, Camera, EffectDescription
 from porotwin_diagnosis import examine
 from porotwin_recording.experiment.experiment_folder import folder_data, write_folder
 from porotwin_recording.tables.concentration import ConcentrationWriter, MapOrigin, open_maps
@@ -42,8 +42,11 @@ WRONG = {
     'ml/min': (rates(factor=1 / 60), {'little_injected', 'too_much_tracer'}),
     'late log': (rates(begin=7200.0), {'other_times', 'too_much_tracer'}),
     'exchanged wells': (rates('right'), {'pale_well'}),
+    'late effect': (rates(), {'late_effect'}),
 }
 """Logs by their fault, each with codes that must be told."""
+
+LATE = EffectDescription(name='rate', parameters={'well': 'right', 'factor': 0.5, 'since': 1e6})
 
 
 @pytest.fixture(params=WRONG)
@@ -61,8 +64,9 @@ def recording(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, set
         Photo(TIMES[0], 'baseline', 'photos/0.jpg', partial(bytes, grey)),
         *(Photo(time, 'state', f'photos/{time:g}.jpg', partial(bytes, grey)) for time in TIMES[1:]),
     )
+    rig = RIG.model_copy(update={'effects': (LATE,)}) if 'late_effect' in codes else RIG
     data = RecordedData(
-        RIG, commanded=log, maps=open_maps(tmp_path / 'maps.nc', RIG), photos=photos
+        rig, commanded=log, maps=open_maps(tmp_path / 'maps.nc', RIG), photos=photos
     )
     write_folder(tmp_path / 'run', data)
     return tmp_path / 'run', codes

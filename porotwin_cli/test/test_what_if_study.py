@@ -12,6 +12,7 @@ from lab.loop.bench_loop_scenarios import demo_scenario
 from porotwin_cli.running.what_if_picture import what_if_picture
 from porotwin_cli.running.what_if_study import (
     WhatIfStudy,
+    horizon_ahead,
     later_steps,
     objections_to,
     rate_step,
@@ -191,6 +192,38 @@ def test_a_proposal_rests_in_the_announced_pauses_of_a_well() -> None:
 def test_a_moment_beyond_the_recording_is_refused(recording: Recording) -> None:
     with ThreadPoolExecutor(1) as pool, pytest.raises(InputError, match='last map is from 40 min'):
         study_what_if(recording, 9000.0, [], executor=pool)
+
+
+@pytest.mark.parametrize(
+    ('end_min', 'start', 'asked', 'expected'),
+    [
+        (50.0, 1500.0, None, 1500.0),
+        (50.0, 1500.0, 600.0, 600.0),
+        (30.0, 1500.0, None, 900.0),  # maps until 40 min show that it went on
+        (None, 1500.0, None, 1800.0),
+        (None, 1500.0, 4000.0, 4000.0),
+        (50.0, 1500.0, 1600.0, '--horizon 1500s'),
+        (30.0, 2400.0, None, 'earlier --at'),
+    ],
+)
+def test_a_forecast_ends_with_the_experiment(
+    recording: Recording,
+    end_min: float | None,
+    start: float,
+    asked: float | None,
+    expected: float | str,
+) -> None:
+    control = recording.rig.control
+    assert control is not None
+    rig = recording.rig.model_copy(
+        update={'control': control.model_copy(update={'end_min': end_min})}
+    )
+    given = replace(recording, rig=rig)
+    if isinstance(expected, str):
+        with pytest.raises(InputError, match=expected):
+            horizon_ahead(given, start, asked)
+    else:
+        assert horizon_ahead(given, start, asked) == expected
 
 
 def test_a_horizon_that_ends_before_the_first_map_is_refused(recording: Recording) -> None:

@@ -41,6 +41,16 @@ def test_the_bottle_loses_the_stock_that_the_plan_injects(time: float, left_ml: 
     assert bottle.empty_at == pytest.approx(1800.0)
 
 
+def test_round_off_is_no_rest_in_the_bottle() -> None:
+    rate = from_ml_h(600.0)
+    times = [60.0 * number / 7 for number in range(20)]
+    rows = tuple(ScheduleRow(time, 'injector', WellRate(rate, 1.0)) for time in times)
+    for end in (1234.5, 900.1, 777.7, 10.1):
+        bottle = bottle_at(with_stock(rate * end * 1e6 * (1.0 + 1e-14)), Schedule(rows), end)
+        assert bottle is not None
+        assert bottle.left == 0.0
+
+
 def test_a_plan_that_ends_leaves_the_rest_for_ever() -> None:
     ended = Schedule(PLAN.rows[:2])
     bottle = bottle_at(with_stock(150.0), ended, 1e5)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from porotwin_checks.all_checks import OF_MAPS, OF_TABLES
+from porotwin_checks.all_checks import OF_MAPS, OF_RIG, OF_TABLES
 from porotwin_core.basis.blas_threads import one_blas_thread
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
@@ -97,7 +97,7 @@ def examine(
     settings = replace(settings, progress=forward_only(settings.progress))
     excluded, progress, tell = settings.excluded, settings.progress, settings.tell
     progress('reading the recording', 0.0)
-    odd = odd_lines(recordings, OF_MAPS)
+    odd = odd_lines(recordings, OF_MAPS | OF_RIG)
     for line in odd:  # opening them told the others
         tell(line)
     averaged: list[str] = []
@@ -149,7 +149,7 @@ def examine(
             *odd_lines(recordings, OF_TABLES),
             *odd,
             *averaged,
-            *odd_heads(found),
+            *(line for line in odd_heads(found) if not any(line in told for told in odd)),
         ),
         seconds=time.perf_counter() - began,
     )

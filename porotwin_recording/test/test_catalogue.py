@@ -17,7 +17,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_core.ros.conversions import rig_to_msg
 from porotwin_msgs.msg import Effect, ModelEffects
 from porotwin_recording.experiment.bag_conversion import import_experiment
-from porotwin_recording.experiment.catalogue import catalogue_entry, find_recordings
+from porotwin_recording.experiment.catalogue import catalogue_entry, find_recordings, without_copies
 from porotwin_recording.experiment.experiment_folder import write_folder
 from porotwin_recording.experiment.known_verdicts import KnownVerdicts
 from porotwin_recording.experiment.recording import open_recording
@@ -93,6 +93,17 @@ def test_a_folder_with_tables_and_a_bag_is_listed_once_beside_the_bag(tmp_path: 
         ('bag', 'run_0.mcap'),
     ]
     assert [one.start for one in entries] == [None, None]  # an import has no date
+
+
+def test_a_bag_beside_the_tables_of_the_same_experiment_is_no_second_run(tmp_path: Path) -> None:
+    folder = tmp_path / 'run'
+    write_folder(folder, bench_experiment())
+    import_experiment(folder, folder / 'run_0.mcap')
+    other = large_bag(folder / 'other.mcap', photographs=3)
+    entries = without_copies(map(catalogue_entry, find_recordings(tmp_path)))
+    assert [one.path for one in entries] == [folder, other]
+    (line,) = entries[0].remarks
+    assert 'run_0.mcap' in line
 
 
 def test_the_parts_of_a_bag_are_one_bag_from_inside_its_folder_too(

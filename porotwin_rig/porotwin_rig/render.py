@@ -20,6 +20,7 @@ from PIL.ExifTags import IFD, Base
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rig import Rig
+from porotwin_recording.tables.photos import VIRTUAL_CAMERA
 from porotwin_rig.camera import VirtualCamera, camera_before
 from porotwin_rig.scene import FULL_SCALE, Scene, build_scene
 
@@ -274,7 +275,7 @@ def _sensor_curve() -> NDArray[np.float32]:
 def _with_exposure_time(jpeg: bytes, taken: datetime) -> bytes:
     """Return the JPEG file with the time of exposure, to the millisecond, in its EXIF."""
     exif = Image.Exif()
-    exif[Base.Model] = 'PoroTwin virtual camera'
+    exif[Base.Model] = VIRTUAL_CAMERA
     details = exif.get_ifd(IFD.Exif)
     details[Base.DateTimeOriginal] = taken.strftime('%Y:%m:%d %H:%M:%S')
     details[Base.OffsetTimeOriginal] = '+00:00'

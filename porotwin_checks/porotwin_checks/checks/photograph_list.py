@@ -1,27 +1,24 @@
 """Does the list of photographs name each once, with a baseline before the tracer?"""
 
 import itertools
+from collections import defaultdict
 from collections.abc import Iterator
+from pathlib import PurePosixPath
 
 import numpy as np
 
 from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
-from porotwin_core.basis.remark import Remark
+from porotwin_core.basis.remark import NAMED, Remark
 from porotwin_core.basis.units import MINUTE_S
+
+TWICE = (
+    'several lines name {names}; keep one line of each: a photograph is a baseline, or shows tracer'
+)
 
 
 def _find(known: Known) -> Iterator[Remark]:
-    names = [photo.name for photo in known.photos]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        yield Remark(
-            'imaging.csv',
-            twice[0],
-            'the photograph stands twice',
-            'remove one line',
-            code='listed_twice',
-        )
+    yield from _twice(known)
     baselines = [photo.time for photo in known.photos if photo.role == 'baseline']
     if not baselines:
         why = 'no photograph has the role baseline: sand and water only'
@@ -43,6 +40,19 @@ def _find(known: Known) -> Iterator[Remark]:
         if all(photo.time % MINUTE_S == states[0].time % MINUTE_S for photo in states):
             remedy = 'a table program may have dropped the seconds; write them again'
         yield Remark('imaging.csv', '', why, remedy, code='same_time')
+
+
+def _twice(known: Known) -> Iterator[Remark]:
+    """Yield a remark if lines name the same file, however they spell its path."""
+    roles = defaultdict(list)
+    for photo in known.photos:
+        roles[PurePosixPath(photo.name)].append(photo.role)
+    twice = {str(path): found for path, found in roles.items() if len(found) > 1}
+    if twice:
+        told = [f'{path} ({" and ".join(found)})' for path, found in twice.items()]
+        more = f' and {len(told) - NAMED} more' if len(told) > NAMED else ''
+        facts = {'names': ', '.join(told[:NAMED]) + more, 'roles': twice}
+        yield Remark.of('imaging.csv', 'listed_twice', TWICE, **facts)
 
 
 def _with_tracer(known: Known) -> Iterator[float]:

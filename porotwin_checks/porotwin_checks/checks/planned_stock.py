@@ -1,16 +1,28 @@
 """Is there enough tracer stock for the plan, and does it go where the objective wants tracer?"""
 
+import contextlib
 from collections.abc import Iterator
 
 import numpy as np
 
 from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
+from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import ML
 from porotwin_core.rates.announced_rates import uncontrolled_rates
 from porotwin_core.rates.bottle import bottle_at
+from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig.control_zones import unwanted_tracer
+from porotwin_solver.model.rates_into_sand import rates_of_pumps
+
+
+def pumped_plan(known: Known) -> Schedule:
+    """Return the rates that leave the bottles, as recorded or else as rig.yaml says."""
+    plan = known.pumped or uncontrolled_rates(known.rig)
+    with contextlib.suppress(InputError):  # who uses the model tells it
+        return rates_of_pumps(known.rig, plan)
+    return plan
 
 
 def _find(known: Known) -> Iterator[Remark]:
@@ -27,7 +39,7 @@ def _find(known: Known) -> Iterator[Remark]:
                 'shows the zone bright',
                 code='stock_in_zone',
             )
-    plan = known.rates or uncontrolled_rates(rig)
+    plan = pumped_plan(known)
     bottle = bottle_at(rig, plan, end)
     if bottle is not None and bottle.empty_at < end:
         why = f'the bottle is empty at {bottle.empty_at:.0f} s, before the end at {end:g} s'

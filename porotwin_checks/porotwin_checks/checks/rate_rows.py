@@ -9,6 +9,11 @@ from porotwin_core.basis.remark import Remark
 from porotwin_core.basis.units import MINUTE_S
 from porotwin_core.rates.wells import quoted
 
+AFTER_END = (
+    'its last change is at {last_min:.4g} min, and the experiment ends at {end_min:g} min, so that '
+    'it never happens; correct control.end_min of rig.yaml, or the rows'
+)
+
 
 def _find(known: Known) -> Iterator[Remark]:
     yield from _idle_producer(known)
@@ -57,9 +62,13 @@ def _extent(known: Known) -> Iterator[Remark]:
     end_min = known.rig.control.end_min if known.rig.control is not None else None
     if known.commanded is None or end_min is None or known.has('times') or known.photos:
         return
-    odd = extent_remark('rates.csv', known.commanded.rows[-1].time / MINUTE_S, end_min, 'seconds')
+    last_min = known.commanded.rows[-1].time / MINUTE_S
+    odd = extent_remark('rates.csv', last_min, end_min, 'seconds')
     if odd:
         yield odd
+    elif last_min > end_min:
+        facts = {'last_min': last_min, 'end_min': end_min}
+        yield Remark.of('rates.csv', 'rows_after_end', AFTER_END, **facts)
 
 
 CHECK = Check(needs=('commanded',), find=_find)

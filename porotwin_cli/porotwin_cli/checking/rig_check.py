@@ -10,18 +10,19 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
-from porotwin_checks.all_checks import OF_MAPS, OF_RIG, OF_TABLES
+from porotwin_checks.all_checks import OF_MAPS, OF_PHOTOGRAPHS, OF_RIG, OF_TABLES
 from porotwin_checks.all_checks import remarks_about as remarks_about_known
 from porotwin_checks.checks.injected_volume import injected
+from porotwin_checks.checks.planned_stock import pumped_plan
 from porotwin_checks.known import Known
 from porotwin_cli.checking.control_words import control_words
 from porotwin_cli.checking.density_words import density_words
 from porotwin_cli.checking.plan_words import place_words, plan_words
 from porotwin_cli.options.planned_rig import holds_plan, plan_in_words
+from porotwin_cli.photographs.seen_photos import SeenPhotos
 from porotwin_cli.terminal import gathered_warnings
-from porotwin_core.basis.check import asked
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.plausibility import PERMEABILITY, WATER_WEIGHT
 from porotwin_core.basis.remark import Remark
@@ -35,20 +36,16 @@ from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.water_levels import WaterLevels
 from porotwin_core.rates.wells import Schedule, WellRates, quoted, with_rises
 from porotwin_core.rig import EffectDescription, Rig, read_rig
-from porotwin_core.rig.coarse_grid import coarse_grid
-from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
-from porotwin_core.rig.oddities import CHECKS as RIG_CHECKS
+from porotwin_core.rig.grid_oddities import remarks_about_grid
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_core.rig.rig_file import FILE_NAME
 from porotwin_diagnosis.data.sample import FEWEST_CELLS, FEWEST_FRAMES
 from porotwin_diagnosis.thresholds import OPEN_CONFIDENCE, SCANT_CELLS
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.objectives.objective_registry import make_objective
-from porotwin_imaging.baseline.baseline import CORNER_SLACK
+from porotwin_imaging.baseline.baseline import refuse_corners_outside
 from porotwin_imaging.baseline.corner_check import KEY, odd_corners
 from porotwin_imaging.geometry.corners_and_lens import Geometry
-from porotwin_imaging.photograph.jpeg_file import JPEG_START
-from porotwin_imaging.photograph.photo_file import PNG_START, is_complete
 from porotwin_recording.experiment.bag import read_bag
 from porotwin_recording.experiment.experiment_folder import (
     COMMANDED_FILE,
@@ -74,10 +71,6 @@ from porotwin_solver.model.water_balance import WaterBalance, water_balance
 Kind = Literal['rig', 'experiment folder', 'bag']
 
 
-FAR_OUTSIDE = 0.5
-"""The same distance, too large for corners of this photograph."""
-
-
 class PhotoInterval(NamedTuple):
     """The time from one photograph to the next [s], and its origin in words."""
 
@@ -86,7 +79,14 @@ class PhotoInterval(NamedTuple):
 
 
 NO_PREDICTION = 'unbalanced_rates'
-"""Code of a remark about rates with which no model predicts, while photographs can be evaluated."""
+"""Code of a remark about rates with which no model predicts, while photographs can be evaluated.
+`check` answers for a prediction, so that it refuses them."""
+
+OTHER_FILE = (
+    'check reads a rig.yaml, an experiment folder or an MCAP bag, and this is another file; '
+    './porotwin import makes a folder of files of other programs, ./porotwin measure reads maps '
+    '(.nc)'
+)
 
 EFFECTS_KEY = 'effects'
 """Key of a remark about effects that the model refuses."""
@@ -159,31 +159,28 @@ def check(
     cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
     photograph = None
     if not any(remark.refused for remark in remarks):
-        remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
+        remarks += remarks_about_grid(cells, rig)
     if not any(remark.refused for remark in remarks):
-        rates = _known_rates(rig, data).busiest
-        remarks += _uses(rig, cells, rates)
-        if not any(remark.refused for remark in remarks):
-            remarks += _unbalanced_leaks(rig, cells, data)
-        remarks += remarks_about_known(_known(rig, data), OF_RIG)
-        photograph, of_photographs = _photographs(rig, data)
-        remarks += of_photographs
-        if photograph is not None and not any(remark.refused for remark in remarks):
-            rows, columns = photograph.shape[:2]
-            pixels = np.ascontiguousarray(photograph[..., ::-1])
-            off = odd_corners(rig, pixels, (columns, rows), reduction=1)
-            remarks += [off] if off else []
+        known = replace(_known(rig, data), chosen_cells=cells)
+        remarks += _uses(rig, cells, _known_rates(rig, data).busiest)
+        remarks += remarks_about_known(known, OF_RIG)
+        if data is not None and data.photos:
+            seen = SeenPhotos().of(data.photos)
+            remarks += remarks_about_known(replace(known, seen_photos=seen), OF_PHOTOGRAPHS)
+            whole = {file.name for file in seen if file.size is not None and not file.is_cut}
+            first = next((one for one in data.photos if one.role == 'baseline'), data.photos[0])
+            if rig.camera is not None and first.name in whole:
+                photograph, of_baseline = _seen_baseline(rig, first)
+                remarks += of_baseline
     planned = None
     if rig.control is not None and data is not None and data.commanded and holds_plan(path):
         try:
             planned = with_plan(rig, data.commanded, COMMANDED_FILE)
-        except InputError as error:
+        except InputError as error:  # demo and up say so themselves; nobody else runs a plan
             remarks.append(
                 replace(_as_remark('demo and up refuse this plan', error), refused=False)
             )
     levelled = _with_true_levels(rig)
-    if levelled.boundaries != rig.boundaries:
-        remarks += asked({'heads': RIG_CHECKS['heads']}, levelled)
     runs = not any(remark.refused for remark in remarks)
     chosen = recorded_interval(data) if interval is None else PhotoInterval(interval)
     cost = _cost(levelled, cells, preset, chosen.seconds) if runs else None
@@ -229,7 +226,12 @@ def _read(path: Path) -> tuple[Rig, tuple[Remark, ...], RecordedData | None, Kin
     if is_bag(path) and not is_experiment(path):
         data = read_bag(path, None)
         return data.rig, remarks_about(data.rig), data, 'bag'
-    rig, remarks = read_rig(path)
+    try:
+        rig, remarks = read_rig(path)
+    except InputError:
+        if path.is_file() and path.suffix.lower() not in ('.yaml', '.yml'):
+            raise InputError(f'{path}: {OTHER_FILE}') from None
+        raise
     others = [name for name in FILES if name != 'rig.yaml' and (path / name).is_file()]
     if not path.is_dir() or not others:
         return rig, remarks, None, 'rig'
@@ -253,17 +255,11 @@ def _told(text: str, kind: Kind) -> Remark:
     return Remark('recording', '', why, remedy)
 
 
-def _plans(rig: Rig, grid: Grid) -> Iterator[Remark]:
-    """Yield the remarks about the grid of plans and siblings, which is coarser than `grid`."""
-    coarse = coarse_grid(rig, grid)
-    if rig.control is not None and coarse != grid:
-        for remark in remarks_about_barriers(coarse, rig):
-            remedy = 'trust no forecast across it; a barrier as wide as two cells is closed'
-            yield replace(remark, key='grid of plans and siblings', remedy=remedy)
-
-
 def _uses(rig: Rig, grid: Grid, rates: WellRates) -> Iterator[Remark]:
-    """Yield the refusals of those who use the rig: controller, model, imaging."""
+    """Yield the refusals of those who use the rig: controller, model, imaging.
+
+    They are no checks of their own: each refuses at its start, and here it is asked ahead of it.
+    """
     uses: dict[str, Callable[[], object]] = {
         EFFECTS_KEY: lambda: (described_physics(rig, grid), observation_operator(rig.effects))
     }
@@ -290,16 +286,6 @@ def _end(rig: Rig, data: RecordedData | None) -> float:
 def _acting(rig: Rig, data: RecordedData | None) -> Rig:
     """Return `rig` with the effects that begin before the end of the experiment."""
     return rig.model_copy(update={'effects': acting(rig.effects, _end(rig, data))})
-
-
-def _unbalanced_leaks(rig: Rig, grid: Grid, data: RecordedData | None) -> Iterator[Remark]:
-    """Yield a refusal if no well balances the leaks of a rig whose sides are all closed."""
-    now = _acting(rig, data)
-    leaks = to_ml_h(math.fsum(leak.rate for leak in described_physics(now, grid).leaks))
-    if rig.closed and leaks and water_balance(now, grid, _known_rates(rig, data).busiest) is None:
-        why = f'{leaks:+g} ml/h leak into a rig whose sides are all closed'
-        remedy = 'remove the leak, balance it with the wells, or open a side in rig.yaml'
-        yield Remark('leaks', '', why, remedy, refused=True, code=NO_PREDICTION)
 
 
 def _known(rig: Rig, data: RecordedData | None) -> Known:
@@ -364,10 +350,8 @@ def announced_rates(checked: CheckedRig) -> Schedule:
 
 def stock_words(checked: CheckedRig) -> str | None:
     """Return how much stock the plan leaves in the bottle; None if its volume is not told."""
-    rig, data = checked.rig, checked.data
-    plan = _known_rates(rig, data)
-    end = last_time(rig, data)
-    bottle = bottle_at(rig, plan, end)
+    known = _known(checked.rig, checked.data)
+    bottle = bottle_at(known.rig, pumped_plan(known), end := known.end)
     if bottle is None:
         return None
     return f'stock: {bottle.left * ML:.4g} ml are left in the bottle at {end:g} s'
@@ -499,74 +483,25 @@ def _cost(rig: Rig, grid: Grid, preset: str, interval: float) -> PredictionCost 
     return prediction_cost(rig, grid, preset=preset, duration=interval, slowness=slowness)
 
 
-def _photographs(rig: Rig, data: RecordedData | None) -> tuple[np.ndarray | None, list[Remark]]:
-    """Return the first baseline photograph and the remarks about all photographs."""
-    photos = data.photos if data is not None else ()
-    if not photos:
-        return None, []
-    if rig.camera is None:
-        why = 'there are photographs, but no place of the rig in them'
-        return None, [Remark('camera', '', why, 'add camera.corners_px to rig.yaml', refused=True)]
-    remarks: list[Remark] = []
-    files = {photo.name: _looked_at(photo) for photo in photos}
-    sizes = {name: file.size for name, file in files.items()}
-    unreadable = [name for name, size in sizes.items() if size is None]
-    if unreadable:
-        why = f'{unreadable[0]} is no readable picture'
-        remarks.append(Remark('photographs', '', why, 'copy it again or remove its line'))
-    cut = [photo.name for photo in photos if photo.role == 'state' and files[photo.name].is_cut]
-    if cut:
-        why = f'{cut[0]} ends before its picture does'
-        if len(cut) > 1:
-            why = f'{len(cut)} end before their pictures do, the first is {cut[0]}'
-        remarks.append(Remark('photographs', '', why, 'copy them from the camera again'))
-    known = {size for size in sizes.values() if size is not None}
-    if len(known) > 1:
-        shown = ', '.join(f'{width} x {height} px' for width, height in sorted(known))
-        why = f'they have several sizes, {shown}'
-        remarks.append(Remark('photographs', '', why, 'corners_px fit one size only'))
-    baseline = next((photo for photo in photos if photo.role == 'baseline'), photos[0])
-    size = sizes[baseline.name]
-    if size is None:
-        return None, remarks
-    remarks += _corners_in(rig, baseline.name, size)
+def _seen_baseline(rig: Rig, baseline: Photo) -> tuple[NDArray[np.uint8] | None, list[Remark]]:
+    """Return the pixels of a `baseline`, None if it is damaged, and the remarks about it.
+
+    They are no checks of their own: imaging decodes it and asks the same about the corners, so that
+    whoever makes a baseline is told.
+    """
+    assert rig.camera is not None
     try:
         with Image.open(io.BytesIO(baseline.read())) as picture:
-            return np.asarray(picture.convert('RGB')), remarks
+            pixels = np.asarray(picture.convert('RGB'))
     except (OSError, ValueError, SyntaxError) as damage:
         why = f'it is damaged: {damage}'
-        damaged = Remark('photographs', baseline.name, why, 'copy it from the camera again')
-        return None, [*remarks, damaged]
-
-
-class _LookedAt(NamedTuple):
-    """A file of a photograph: its size [px], None if unreadable, and whether it lacks its end."""
-
-    size: tuple[int, int] | None
-    is_cut: bool
-
-
-def _looked_at(photo: Photo) -> _LookedAt:
-    """Return the findings of one reading of a file; the end of a TIFF is not judged."""
+        return None, [Remark('photographs', baseline.name, why, 'copy it from the camera again')]
+    rows, columns = pixels.shape[:2]
     try:
-        data = photo.read()
-    except OSError:
-        return _LookedAt(None, is_cut=False)
-    is_cut = data.startswith((JPEG_START, PNG_START)) and not is_complete(data)
-    try:
-        with Image.open(io.BytesIO(data)) as picture:
-            return _LookedAt(picture.size, is_cut)
-    except (UnidentifiedImageError, OSError):
-        return _LookedAt(None, is_cut)
-
-
-def _corners_in(rig: Rig, name: str, size: tuple[int, int]) -> Iterator[Remark]:
-    """Yield the remarks about the corners of the rig in a photograph of `size` [px]."""
-    assert rig.camera is not None
-    corners, extent = np.array(rig.camera.corners_px), np.array(size)
-    beyond = float(np.max(np.maximum(-corners, corners - extent)))
-    shown = f'{name} of {size[0]} x {size[1]} px'
-    if beyond > CORNER_SLACK * size[0]:
-        why = f'a corner lies {beyond:.0f} px outside {shown}'
-        remedy = 'were they read in a copy of another size? correct them'
-        yield Remark(KEY, '', why, remedy, refused=beyond > FAR_OUTSIDE * size[0])
+        refuse_corners_outside(rig.camera, (columns, rows))
+        off = odd_corners(
+            rig, np.ascontiguousarray(pixels[..., ::-1]), (columns, rows), reduction=1
+        )
+    except InputError as error:
+        return pixels, [_as_remark(KEY, error)]
+    return pixels, [off] if off else []

@@ -1,5 +1,6 @@
 """./porotwin calibrate: the calibration of a camera and rig from a known injection."""
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -44,7 +45,8 @@ def command(
 
     Example: ./porotwin calibrate monday --output monday-calibration
     """
-    from porotwin_checks.all_checks import OF_MAPS
+    from porotwin_checks.all_checks import OF_MAPS, OF_PHOTOGRAPHS, OF_RIG, remarks_about
+    from porotwin_cli.photographs.seen_photos import SeenPhotos
     from porotwin_recording.experiment.recording import odd_lines, open_recording
     from porotwin_recording.tables.one_writer import only_writer
 
@@ -52,8 +54,11 @@ def command(
     target = output or _beside(folder)
     _refuse_complete(target)
     recording = open_recording(folder)
-    for line in odd_lines([recording], OF_MAPS):
+    for line in odd_lines([recording], OF_MAPS | OF_RIG):
         say(line)
+    seen = SeenPhotos().of(recording.photos)
+    for remark in remarks_about(replace(recording.known(), seen_photos=seen), OF_PHOTOGRAPHS):
+        say(f'{folder}: {remark}')
     _check_photos(recording)
     with only_writer(target):
         _refuse_complete(target)  # another call may have ended just now
@@ -121,7 +126,6 @@ def _calibrated(
         InputError: the photographs or rates are wrong, or `target` may not be written.
         WorkFailed: the calibration cannot be trusted.
     """
-    from porotwin_cli.photographs.same_photos import PhotoDigests, told
     from porotwin_imaging.calibrating.calibration_fit import DilutionPhoto, fit_calibration
     from porotwin_imaging.calibrating.calibration_pictures import write_fit
     from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
@@ -130,14 +134,12 @@ def _calibrated(
     rig, photos = recording.rig, recording.photos
     schedule, rates_file = _injected_rates(recording)
     states = [photo for photo in photos if photo.role == 'state']
-    for line in told(PhotoDigests().same_files(states)):
-        say(line)
     try:
         fit = fit_calibration(
             rig,
             [photo.read() for photo in photos if photo.role == 'baseline'],
             ((photo.time, photo.read()) for photo in states),
-            schedule=schedule,
+            schedule=recording.known().rates,
             dilutions=[
                 DilutionPhoto(photo.time, photo.read, photo.concentration)
                 for photo in photos

@@ -332,7 +332,7 @@ def _each(
     as_json: bool,
 ) -> None:
     """Diagnose every recording alone and print a table."""
-    from porotwin_checks.all_checks import OF_MAPS
+    from porotwin_checks.all_checks import OF_MAPS, OF_RIG
     from porotwin_core.basis.parallel import crew
     from porotwin_diagnosis.archive import RECORDING_BYTES, archive_tasks, diagnose_archive
     from porotwin_recording.experiment.recording import odd_lines, open_recording
@@ -355,7 +355,7 @@ def _each(
             recording = open_recording(task.recording, rig=task.rig)
             _tell_maps(recording)
             for line in odd_lines(
-                [recording], OF_MAPS
+                [recording], OF_MAPS | OF_RIG
             ):  # a refused recording has no report with them
                 say(line)
     if as_json:

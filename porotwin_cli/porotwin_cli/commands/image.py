@@ -68,7 +68,7 @@ def command(
 
     Example: ./porotwin image experiment --output experiment/concentration.nc --grid 280x150
     """
-    from porotwin_checks.all_checks import OF_MAPS, remarks_about
+    from porotwin_checks.all_checks import OF_MAPS, OF_PHOTOGRAPHS, OF_RIG, remarks_about
     from porotwin_cli.options.grids import grid_of
     from porotwin_cli.options.output_files import check_output, maker, maps_are_kept
     from porotwin_cli.photographs.imaged_maps import ExperimentPhotos, write_maps
@@ -78,7 +78,6 @@ def command(
         sureness_words,
         typical_doubt,
     )
-    from porotwin_cli.photographs.same_photos import told
     from porotwin_cli.pictures.rig_drawing import picture_beside
     from porotwin_core.basis.errors import writing
     from porotwin_core.basis.parallel import crew
@@ -91,7 +90,7 @@ def command(
     from porotwin_imaging.tracer.calibration import RELATIVE, load_calibration, save_calibration
     from porotwin_recording.experiment.photo_source import fingerprints
     from porotwin_recording.experiment.recording import open_recording
-    from porotwin_recording.tables.concentration import MapOrigin, open_maps
+    from porotwin_recording.tables.concentration import VIRTUAL, MapOrigin, open_maps
     from porotwin_recording.tables.map_parts import MapParts
 
     picture = picture_beside(output)
@@ -108,7 +107,7 @@ def command(
     origin = MapOrigin(
         calibration is not None,
         sha256_of_file(calibration),
-        maker('image'),
+        maker(f'image, {VIRTUAL}' if recording.is_virtual else 'image'),
         RELATIVE if relative else '',
     )
     clean = [photo.read() for photo in photos.baselines]
@@ -140,9 +139,10 @@ def command(
         _draw(picture, output, rig, scale)
     names = [str(entry['photo']) for entry in made.entries]
     imaged = replace(recording, maps=open_maps(output, rig))
-    odd = remarks_about(imaged.known(names), OF_MAPS)
-    for line in (*told(made.same_files), *map(str, odd)):
-        say(line)
+    known = replace(imaged.known(names), seen_photos=made.seen)
+    odd = remarks_about(known, OF_PHOTOGRAPHS | OF_MAPS | OF_RIG)
+    for remark in odd:
+        say(str(remark))
     known_factors = used.factor_deviations if used else ()
     if as_json:
         print_json(
@@ -156,7 +156,7 @@ def command(
                 'guessed_sands': guessed_sands(known_factors) if used else None,
                 'maps': made.entries,
                 'refused': made.refused,
-                'same_files': [run.entry for run in made.same_files],
+                'same_files': [run for one in odd for run in one.facts.get('runs', ())],
                 'remarks': [asdict(remark) for remark in (*covered, *odd)],
             }
         )
@@ -195,7 +195,7 @@ def _refined(
         recording.rig,
         clean,
         [(photo.time, photo.read) for photo in photos.states],
-        recording.known_rates,
+        recording.known().rates,
         source=source,
         baseline_names=photos.baseline_files,
     )

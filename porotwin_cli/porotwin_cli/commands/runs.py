@@ -21,6 +21,9 @@ RUNS = Path('runs')
 HASH_DIGITS = 8
 """Digits of a calibration's hash in the table; --json has all."""
 
+BY_INDEX = 'state‡'
+"""Title of the states: reading each chunk of a day would take 86,000 reads."""
+
 OF_FILES = '†'
 """Mark of a date that comes from the files of a recording."""
 
@@ -41,7 +44,7 @@ def command(
     """List the bags and experiment folders below a folder, the oldest first.
 
     The command reads the indexes of the recordings, and opens no photograph and no map. The verdict
-    is that of the newest report on a recording in this folder. The rig of a rehearsed recording has
+    is from the newest report on a recording in this folder. The rig of a rehearsed recording has
     the word "virtual". An unreadable recording gives one line.
 
     Example: ./porotwin runs /data/rig1
@@ -51,11 +54,12 @@ def command(
     from porotwin_recording.experiment.catalogue import (
         catalogue_entry,
         find_recordings,
+        without_copies,
     )
     from porotwin_recording.experiment.experiment_folder import is_experiment
     from porotwin_recording.experiment.known_verdicts import KnownVerdicts
 
-    with without_warnings(), progress() as bar:  # ./porotwin check tells what is odd
+    with without_warnings(), progress() as bar:  # ./porotwin check tells odd things
         begun = folder != RUNS or folder.exists()
         paths = list(find_recordings(folder)) if begun else []
         task = bar.add_task('recordings', total=len(paths))
@@ -70,7 +74,7 @@ def command(
         for path in filter(is_experiment, paths):  # the NetCDF library has no threads
             entries.append(catalogue_entry(path, verdicts))
             bar.advance(task)
-    entries.sort(key=_order)
+    entries = sorted(without_copies(entries), key=_order)
     told: dict[Path, list[ToldLine]] = {}
     if find:
         told = {entry.path: _lines_about(entry, find) for entry in entries}
@@ -101,6 +105,8 @@ def command(
         print_table(f'{count} in {folder}', titles, rows, whole=('diagnosed', 'size'))
         if 'photos*' in titles:
             print('* without baselines')
+        if BY_INDEX in titles and any(entry.kind == 'bag' for entry in readable):
+            print('‡ of a bag: by the index at its end; damage before that shows when it is read')
         if any(entry.start is None for entry in readable):
             print(f'{OF_FILES} date of its files, as it tells none itself; copies may be younger')
     for entry in entries:
@@ -143,7 +149,7 @@ def _columns(folder: Path) -> 'dict[str, Callable[[CatalogueEntry], str]]':
         'diagnosed': lambda entry: entry.diagnosed,
         'COSTA': lambda entry: entry.costa.partition(',')[0],
         'calibration': lambda entry: entry.calibration[:HASH_DIGITS],
-        'state': _state,
+        BY_INDEX: _state,
         'size': lambda entry: size_words(entry.size_bytes),
     }
 

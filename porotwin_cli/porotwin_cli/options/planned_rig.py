@@ -6,6 +6,7 @@ from pathlib import Path
 from porotwin_checks.all_checks import OF_RIG, remarks_about
 from porotwin_checks.checks import announced_pauses
 from porotwin_cli.terminal import say
+from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.announced_rates import with_plan
 from porotwin_core.rig import Rig, load_rig
 from porotwin_recording.experiment.experiment_folder import (
@@ -27,7 +28,8 @@ def planned_rig(path: Path) -> Rig:
     One line tells what the plan changes, others what is odd in what will run.
 
     Raises:
-        InputError: a file is wrong, or the plan contradicts the control section.
+        InputError: a file is wrong, the plan contradicts the control section, or no model predicts
+            the rig.
     """
     rig = load_rig(path)
     folder = path if path.is_dir() else path.parent
@@ -35,6 +37,8 @@ def planned_rig(path: Path) -> Rig:
     plan = read_rates(file, rig.wells) if rig.control and holds_plan(folder) else None
     asked = OF_RIG | {'announced_pauses': announced_pauses.CHECK}
     for remark in remarks_about(RecordedData(rig, plan).known(), asked):
+        if remark.refused:
+            raise InputError(f'{path}: {remark}')
         LOG.warning('%s', remark)
     if plan is None:
         return rig

@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from porotwin_checks.known import PhotoFile
 from porotwin_cli.photographs.many_photos import each_photo
 from porotwin_cli.photographs.map_sureness import Doubt, doubt_entry, plume_doubt
 from porotwin_cli.photographs.photo_remarks import PhotoRemarks
-from porotwin_cli.photographs.same_photos import PhotoDigests, SameFiles
+from porotwin_cli.photographs.seen_photos import SeenPhotos
 from porotwin_cli.terminal import WorkFailed, progress, say
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
@@ -61,13 +62,13 @@ class ImagedMaps:
         entries: an entry of a JSON answer for each map.
         doubts: the doubt about the plume of each map.
         refused: a line for each photograph that makes no map.
-        same_files: photographs in a row whose files are equal.
+        seen: the files of the photographs, in their order.
     """
 
     entries: list[dict[str, Any]] = field(default_factory=list)
     doubts: list[Doubt] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
-    same_files: list[SameFiles] = field(default_factory=list)
+    seen: Sequence[PhotoFile] = ()
 
     def add(self, photo: Photo, doubt: Doubt, remarks: Sequence[str]) -> None:
         """Add the map of `photo`."""
@@ -88,7 +89,7 @@ def write_maps(
     """Write the maps of the photographs `states`; tell progress, remarks and refusals.
 
     Args:
-        writing: receives the maps; it knows those of an interrupted call.
+        writing: receives the maps; it knows the ones from an interrupted call.
         rig: the rig.
         states: the photographs.
         baseline: the baseline, with the calibration.
@@ -102,10 +103,10 @@ def write_maps(
         say(f'beginning anew: {", ".join(writing.changed)} changed since an interrupted call')
     if done:
         say(f'going on behind {len(done)} maps of an interrupted call')
-    made, remarks, digests = ImagedMaps(), PhotoRemarks(say), PhotoDigests()
+    made, remarks, seen = ImagedMaps(), PhotoRemarks(say), SeenPhotos()
     with crew, writing as writer, progress() as bar:
         task = bar.add_task('photographs', total=len(states), completed=len(done))
-        for photo, found in each_photo(crew, concentration_map, left, baseline, digests.note):
+        for photo, found in each_photo(crew, concentration_map, left, baseline, seen.note):
             try:
                 doubt, status = _append(writer, photo, found)
             except InputError as error:
@@ -123,7 +124,7 @@ def write_maps(
         [*before.entries, *made.entries],
         [*before.doubts, *made.doubts],
         made.refused,
-        digests.same_files(states),
+        seen.of(states),
     )
 
 

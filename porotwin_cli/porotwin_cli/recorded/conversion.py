@@ -15,7 +15,7 @@ def convert(work: ConvertFn, source: Path, target: Path, *, as_json: bool) -> No
     Raises:
         InputError: `target` exists or lies inside `source`, or `source` is no recording.
     """
-    from porotwin_checks.all_checks import OF_MAPS
+    from porotwin_checks.all_checks import OF_MAPS, OF_RIG
     from porotwin_recording.experiment.recording import odd_lines, open_recording
 
     refuse_existing(target)
@@ -28,7 +28,7 @@ def convert(work: ConvertFn, source: Path, target: Path, *, as_json: bool) -> No
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     made = open_recording(target)
-    for line in odd_lines([made], OF_MAPS):
+    for line in odd_lines([made], OF_MAPS | OF_RIG):
         say(line)
     maps, photographs = len(made.maps) if made.maps is not None else 0, len(made.photos)
     if as_json:

@@ -52,7 +52,7 @@ def compare_runs(first: Path, second: Path) -> RunComparison:
 
 def _figures(run: Recording) -> dict[str, Any]:
     entry = catalogue_entry(run.source, KnownVerdicts(run.source.absolute().parent))
-    rates, end = run.known_rates or Schedule(), run.end
+    rates, end = run.known().rates or Schedule(), run.end
     injected = {
         f'injected by {well} [ml]': ML
         * sum(

@@ -4,6 +4,7 @@ The siblings learn from all maps of the recording up to that moment, as they wou
 rig. Then both plans start from the same state.
 """
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -47,6 +48,7 @@ from porotwin_siblings.proposed_rates import (
 )
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import REACHED_SHARE, ZoneMeasure
+from porotwin_solver.model.rates_into_sand import rates_of_pumps
 from porotwin_solver.model.water_balance import WaterBalance, water_balance
 
 NO_ZONE = (
@@ -127,7 +129,8 @@ class WhatIfStudy:
         for step in self.pumped_plan(outlook):
             begin = self.start + step.start
             rows += [ScheduleRow(begin, well, rate) for well, rate in step.rates.items()]
-        return bottle_at(self.rig, Schedule(tuple(rows)), self.start + float(outlook.times[-1]))
+        plan = rates_of_pumps(self.rig, Schedule(tuple(rows)))
+        return bottle_at(self.rig, plan, self.start + float(outlook.times[-1]))
 
     @property
     def time_unit(self) -> TimeUnit:
@@ -255,15 +258,15 @@ def study_what_if(
         executor: runs the siblings.
         cells: of the grid of the siblings, which is never finer than that of the maps.
         horizon: how far to look ahead of `start` [s]; None: to the end of the recording, but at
-            least `OPEN_HORIZON_S` and at most `LONGEST_HORIZON_S`.
+            least `OPEN_HORIZON_S` and at most `LONGEST_HORIZON_S`, or to the end of the experiment.
         siblings: number of siblings.
         learnt: called with the number of maps that were learnt from, and of all.
         objected: called with every limit that the proposal breaks, before the work begins.
 
     Raises:
         InputError: the recording holds no maps or rates before `start`, or the proposal has
-            implausible rates, a change beyond the horizon, a horizon that is too long, or rates
-            that do not balance in a closed rig.
+            implausible rates, a change beyond the horizon, a horizon that is too long or passes the
+            end of the experiment, or rates that do not balance in a closed rig.
     """
     times = recording.times
     unit = time_unit(times[-1])
@@ -284,8 +287,7 @@ def study_what_if(
         )
     newest = max(int(np.searchsorted(times, start + SAME_MOMENT_S, side='right')) - 1, 0)
     begin = float(times[newest])
-    if horizon is None:
-        horizon = min(max(OPEN_HORIZON_S, float(times[-1]) - start), LONGEST_HORIZON_S)
+    horizon = horizon_ahead(recording, start, horizon)
     check_proposal(steps, horizon, recording.rig)
     ahead = start + horizon - begin
     if not ahead > 0.0:  # the state is of the first map, which may be later than `start`
@@ -338,6 +340,27 @@ def study_what_if(
         rate_factors=family.rate_factors(),
         seconds=seconds,
     )
+
+
+def horizon_ahead(recording: Recording, start: float, asked: float | None) -> float:
+    """Return how far to look ahead of `start` [s]: as `asked`, but never past the end.
+
+    All pumps stop at `control.end_min`. Maps after it show that the experiment went on.
+
+    Raises:
+        InputError: the experiment ends before `start` or within the `asked` horizon.
+    """
+    last, control = float(recording.times[-1]), recording.rig.control
+    end_min = None if control is None else control.end_min
+    left = math.inf if end_min is None else max(MINUTE_S * end_min, last) - start
+    if left <= 0.0 or (asked is not None and asked > left):
+        remedy = 'give an earlier --at' if left <= 0.0 else f'give --horizon {left:.0f}s at most'
+        raise InputError(
+            f'{recording.source}: the forecast would pass the end of the experiment, '
+            f'control.end_min {end_min:g}; {remedy}, or correct rig.yaml'
+        )
+    usual = min(max(OPEN_HORIZON_S, last - start), LONGEST_HORIZON_S)
+    return min(usual, left) if asked is None else asked
 
 
 def zone_noise(values: FloatArray, zone: ZoneMeasure, grid: Grid) -> float:

@@ -35,6 +35,7 @@ from porotwin_core.geometry.grid import Grid
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, load_rig
 from porotwin_core.rig.sections import LevelCourse, WaterTable
+from porotwin_imaging.baseline.corner_check import KEY
 from porotwin_recording.experiment.experiment_folder import folder_data, write_folder
 from porotwin_recording.tables.concentration import (
     ConcentrationMaps,
@@ -265,7 +266,7 @@ def test_mistakes_of_an_experiment_are_all_listed(experiment: Path, tmp_path: Pa
     data = yaml.safe_load((folder / 'rig.yaml').read_text())
     data['camera']['corners_px'] = [[4 * c, 4 * r] for c, r in data['camera']['corners_px']]
     (folder / 'rig.yaml').write_text(yaml.safe_dump(data))
-    assert 'were they read in a copy of another size?' in told(folder)
+    assert {one.key for one in check(folder).remarks if one.refused} == {KEY}
     (folder / 'rates.csv').write_text('time_s;well;rate_ml_h;concentration\n')
     assert 'it uses semicolons' in told(folder)
 
@@ -282,6 +283,15 @@ def test_rates_off_the_told_steps_of_the_pump_are_odd(tmp_path: Path) -> None:
     assert 'like 1 more' in remarks
     assert check(rig.parent).runs
     assert 'no multiple' not in told(changed(tmp_path).parent), 'nobody told the default'
+
+
+def test_a_file_of_another_kind_is_told_from_a_wrong_rig(tmp_path: Path) -> None:
+    (tmp_path / 'model.nc').write_bytes(b'CDF\x01\xff')
+    with pytest.raises(InputError, match=r'model\.nc: check reads .* import .* measure'):
+        check(tmp_path / 'model.nc')
+    (tmp_path / 'rig.yaml').write_bytes(b'CDF\x01\xff')
+    with pytest.raises(InputError, match=r'rig\.yaml: not a text in UTF-8'):
+        check(tmp_path / 'rig.yaml')
 
 
 def test_a_bag_is_checked() -> None:
@@ -499,29 +509,34 @@ def test_an_injection_of_many_pore_volumes_is_odd(tmp_path: Path) -> None:
     assert (remark.code, remark.facts['end_s']) == ('much_injected', 3e7)
 
 
-def test_a_cut_baseline_photograph_is_a_remark(tmp_path: Path) -> None:
+@pytest.mark.parametrize(('cut', 'told'), [(True, 'cut_photos'), (False, 'it is damaged')])
+def test_a_damaged_baseline_photograph_is_one_remark(tmp_path: Path, cut: bool, told: str) -> None:
     from PIL import Image
 
-    folder = tmp_path / 'cut'
+    folder = tmp_path / 'damaged'
     (folder / 'photos').mkdir(parents=True)
     rig = yaml.safe_load(small_rig().read_text())
     rig['camera'] = {'corners_px': [[10, 10], [10, 90], [150, 90], [150, 10]]}
     (folder / 'rig.yaml').write_text(yaml.safe_dump(rig))
-    (folder / 'imaging.csv').write_text('time_s,path,role\n0,photos/a.jpg,baseline\n')
+    (folder / 'imaging.csv').write_text('time_s,path,role\n0,photos/a.png,baseline\n')
     noise = np.random.default_rng(1).integers(0, 255, (100, 160, 3), dtype=np.uint8)
-    Image.fromarray(noise).save(folder / 'photos' / 'a.jpg')
-    whole = (folder / 'photos' / 'a.jpg').read_bytes()
-    (folder / 'photos' / 'a.jpg').write_bytes(whole[: len(whole) // 2])
-    assert 'it is damaged: image file is truncated' in told(folder)
+    picture = folder / 'photos' / 'a.png'
+    Image.fromarray(noise).save(picture)
+    whole = picture.read_bytes()
+    middle = len(whole) // 2
+    rest = b'' if cut else whole[-middle // 2 :]
+    picture.write_bytes(whole[:middle] + rest)
+    (remark,) = (one for one in check(folder).remarks if one.key == 'photographs')
+    assert told in remark.code + remark.why
 
 
 def test_a_cut_state_photograph_is_a_remark(experiment: Path, tmp_path: Path) -> None:
     folder = tmp_path / 'cut'
     shutil.copytree(experiment, folder)
     last = sorted((folder / 'photos').iterdir())[-1]
-    assert 'ends before' not in told(folder)
+    assert 'end before' not in told(folder)
     last.write_bytes(last.read_bytes()[:3000])
-    assert f'photos/{last.name} ends before its picture does' in told(folder)
+    assert f'photos/{last.name} end before their pictures do' in told(folder)
 
 
 def test_the_picture_replaces_that_of_an_earlier_check_only(tmp_path: Path) -> None:

@@ -184,7 +184,7 @@ def test_image_names_photographs_of_a_frozen_camera(
         shutil.copy(folder / names[2], folder / name)
     command(folder, tmp_path / 'maps.nc', '40x24', as_json=True)
     answer, told = capsys.readouterr()
-    assert f'{names[2]} to {names[4]}: 3 photographs in a row are the same file' in told
+    assert f'{names[2]} to {names[4]} (3 photographs) are each the same file' in told
     (run,) = json.loads(answer)['same_files']
     assert run == {'first': names[2], 'last': names[4], 'photographs': 3}
 

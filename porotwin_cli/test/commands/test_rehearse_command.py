@@ -10,7 +10,10 @@ import numpy as np
 from cli_examples import one_well_rig, porotwin
 
 from porotwin_core.rig import load_rig
+from porotwin_recording.experiment.bag_conversion import import_experiment
+from porotwin_recording.experiment.catalogue import catalogue_entry
 from porotwin_recording.experiment.recording import open_recording
+from porotwin_recording.tables.concentration import open_maps
 
 RIG = one_well_rig(0.2, 0.1)
 RATES = 'time_s,well,rate_ml_h,concentration\n0,injector,200,1\n240,injector,0,\n'
@@ -63,8 +66,14 @@ def test_a_photographed_rehearsal_is_imaged_like_a_real_one(tmp_path: Path) -> N
     assert recording.maps is None
     assert [photo.role for photo in recording.photos] == ['baseline', *4 * ['state']]
     assert recording.rig.camera is not None
-    result = porotwin('image', output, '--output', tmp_path / 'maps.nc', '--grid', '30x15')
+    maps = tmp_path / 'maps.nc'
+    result = porotwin('image', output, '--output', maps, '--grid', '30x15')
     assert result.returncode == 0, result.stderr
+    assert recording.is_virtual
+    assert open_maps(maps, recording.rig).origin.is_virtual
+    import_experiment(output, tmp_path / 'bag')
+    entries = [catalogue_entry(path) for path in (output, tmp_path / 'bag')]
+    assert [entry.virtual for entry in entries] == [True, True]
 
 
 def test_a_wrong_plan_is_refused_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:

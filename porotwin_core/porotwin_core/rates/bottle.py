@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, ML
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Rig
@@ -37,4 +38,4 @@ def bottle_at(rig: Rig, plan: Schedule, time: float) -> Bottle | None:
     left = full - float(np.interp(time, times, taken))
     last = int(np.searchsorted(taken, full, side='right'))
     empty_at = float(np.interp(full, taken, times)) if last < len(taken) else math.inf
-    return Bottle(max(left, 0.0), empty_at)
+    return Bottle(left if left > ROUND_OFF * full else 0.0, empty_at)

@@ -164,8 +164,8 @@ def finding_from(
 
 
 def is_virtual(recordings: Sequence[Recording]) -> bool:
-    """Return whether the virtual rig made the maps of one of the `recordings`."""
-    return any(one.maps is not None and one.maps.origin.is_virtual for one in recordings)
+    """Return whether the virtual rig made one of the `recordings`."""
+    return any(one.is_virtual for one in recordings)
 
 
 def rig_without_effects(rig: Rig) -> str:

@@ -73,7 +73,7 @@ class TracerWatch:
             if not self._changes or different_wells(self._changes[-1][1], period.rates):
                 self._changes.append((period.start, period.rates))
         schedule = Schedule.from_rates(self._changes)
-        told = pale_well(Known(rig=self._rig, rates=schedule, times=[time], maps=[observed]), [0])
+        told = pale_well(Known(rig=self._rig, pumped=schedule, times=[time], maps=[observed]), [0])
         self._pale = 0 if told is None else self._pale + 1
         return told if self._pale >= MAPS_IN_A_ROW else None
 

@@ -170,7 +170,7 @@ def make_baseline(
     called = baseline_names(names, len(photographs))
     with named(called[0]):
         size = photo_size(photographs[0])
-        _refuse_corners_outside(camera, size)
+        refuse_corners_outside(camera, size)
     refuse_costly(map_cost(rig, grid, size), grid)
     reduction = choose_reduction(geometry, grid, size[0])
     pictures: list[NDArray[np.uint8]] = []
@@ -248,7 +248,7 @@ def _decode(data: bytes, size: tuple[int, int] | None, reduction: int) -> Decode
     )
 
 
-def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
+def refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
     """Raise InputError if the corners of the rig lie outside the photograph."""
     corners = np.array(camera.corners_px)
     slack = CORNER_SLACK * size[0]

@@ -52,6 +52,7 @@ from porotwin_recording.mcap.bag_reader import BagReader
 from porotwin_recording.mcap.bag_records import TopicQos
 from porotwin_recording.mcap.bag_writer import BagWriter
 from porotwin_recording.mcap.serialization import SECOND, Serializer, message_type
+from porotwin_recording.tables.concentration import VIRTUAL
 from porotwin_recording.tables.one_writer import one_writer
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
@@ -134,6 +135,8 @@ def import_experiment(
             program = PROGRAM
             if topic == topic_names.NEW_STATE and recording.maps is not None:
                 program = recording.maps.origin.program
+            elif topic in (topic_names.IMAGE, topic_names.BASELINE) and recording.is_virtual:
+                program = f'{PROGRAM}, {VIRTUAL}'
             writer.add_topic(
                 name,
                 message_type(message),

@@ -1,10 +1,12 @@
 """A catalogue of recordings, from their indexes and a few of their messages.
 
-Photographs and maps are not read, so that hundreds of bags of 100 GB take seconds. An entry needs
-the index of a bag, the chunk with the rig, and the chunks with a first and a last message.
+Photographs and maps are not read, but for the head of a photograph in a folder, so that hundreds of
+bags of 100 GB take seconds. An entry needs the index of a bag, the chunk with the rig, and the
+chunks with a first and a last message.
 """
 
 import contextlib
+import itertools
 import os
 import re
 import time
@@ -15,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.clock.stamps import SINCE_1970
+from porotwin_core.clock.stamps import SAME_MOMENT_S, SINCE_1970
 from porotwin_recording.experiment.experiment_folder import (
     FILES,
     RIG_FILE,
@@ -34,6 +36,7 @@ from porotwin_recording.mcap.bag_folder import (
 )
 from porotwin_recording.mcap.mcap_summary import McapSummary, summary_of
 from porotwin_recording.mcap.serialization import SECOND
+from porotwin_recording.tables.concentration import is_of_virtual_rig
 from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_recording.tables.recording_date import date_of_files
 
@@ -58,7 +61,8 @@ class CatalogueEntry:
     Attributes:
         path: the bag or experiment folder.
         kind: `bag` or `folder`.
-        state: `complete`, `truncated` (no end, or files are missing), `recording` (no end yet),
+        state: `complete`, of a bag by the index at its end: damage before that shows when it is
+            read; `truncated` (no end, or files are missing), `recording` (no end yet),
             `unfinished` (a folder whose maps are not complete), `compressed` (its files are read
             only as a whole) or `unreadable`.
         size_bytes: size of its files.
@@ -77,7 +81,8 @@ class CatalogueEntry:
         costa: the network that corrected its forecasts; empty: none.
         calibration: SHA-256 of the calibration of its maps; empty: none, or not known.
         remarks: faults, one line each.
-        virtual: whether the virtual rig made its maps itself.
+        virtual: whether the virtual rig made its maps, or took its photographs. A live bag tells it
+            in its photographs only, which are not read here.
     """
 
     path: Path
@@ -137,6 +142,27 @@ def find_recordings(root: Path) -> Iterator[Path]:
             yield from (folder / name for name in files)
 
 
+def without_copies(entries: Iterable[CatalogueEntry]) -> list[CatalogueEntry]:
+    """Return `entries` without bags of the experiment whose tables lie in the same folder.
+
+    Such a folder is read by its tables, and tells its bag in a remark.
+    """
+    found = list(entries)
+    folders = {entry.path: entry for entry in found if entry.kind == 'folder'}
+    for bag in [entry for entry in found if entry.kind == 'bag']:
+        folder = folders.get(bag.path.parent)
+        if folder is not None and _same_experiment(folder, bag):
+            found.remove(bag)
+            line = f'{folder.path}: {bag.path.name} holds the same experiment; the tables are read'
+            found[found.index(folder)] = replace(folder, remarks=(*folder.remarks, line))
+    return found
+
+
+def _same_experiment(one: CatalogueEntry, other: CatalogueEntry) -> bool:
+    both = ((entry.rig, entry.photographs, entry.maps) for entry in (one, other))
+    return len(set(both)) == 1 and abs(one.duration_s - other.duration_s) < SAME_MOMENT_S
+
+
 def _is_part(name: str, folder: Path) -> bool:
     stem, _, number = name.removesuffix(COMPRESSED).removesuffix('.mcap').rpartition('_')
     return stem == folder.resolve().name and number.isdecimal()
@@ -190,7 +216,7 @@ def _folder_entry(path: Path) -> CatalogueEntry:
         effects=tuple(effect.name for effect in data.rig.effects),
         calibration=origin.calibration if origin else '',
         remarks=tuple(f'{path}: {text}' for text in data.remarks),
-        virtual=origin is not None and origin.is_virtual,
+        virtual=data.is_virtual,
     )
 
 
@@ -238,6 +264,7 @@ def _bag_entry(path: Path) -> CatalogueEntry:
         costa=_costa(filled),
         calibration=str(getattr(state, 'calibration', '')),
         remarks=tuple(remarks),
+        virtual=any(map(is_of_virtual_rig, itertools.chain(*(p.programs() for p in filled)))),
     )
 
 

@@ -110,6 +110,10 @@ class McapSummary:
         counts = self.statistics.channel_message_counts
         return sum(counts[number] for number in self.numbers(topic))
 
+    def programs(self) -> set[str]:
+        """Return the programs that made the content of its topics, as far as it tells them."""
+        return {channel.metadata.get('program', '') for channel in self.channels.values()}
+
     def messages(self, numbers: set[int], *, last: bool = False, chunks: int = 1) -> Iterator[Any]:
         """Yield the decoded messages of channels in the first chunks that hold some, or the last.
 

@@ -61,7 +61,12 @@ MAPS_AT_ONCE = 16
 costs at most so many."""
 
 VIRTUAL: Final = 'virtual rig'
-"""Last words of the program of maps that the virtual rig made itself."""
+"""Last words of the program of maps that the virtual rig made, or whose photographs it took."""
+
+
+def is_of_virtual_rig(program: str) -> bool:
+    """Return whether a `program`, as a file names it, is the virtual rig."""
+    return program.endswith(VIRTUAL)
 
 
 @dataclass(frozen=True)
@@ -82,8 +87,8 @@ class MapOrigin:
 
     @property
     def is_virtual(self) -> bool:
-        """Whether the virtual rig made the maps itself, as `./porotwin rehearse` does."""
-        return self.program.endswith(VIRTUAL)
+        """Whether the virtual rig made the maps, or took their photographs."""
+        return is_of_virtual_rig(self.program)
 
     @property
     def in_words(self) -> str:

@@ -1,8 +1,11 @@
 """Photographs of an experiment folder, with the times and roles in its `imaging.csv`."""
 
+import contextlib
+import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from porotwin_core.basis.csv_table import number_text, write_table
 from porotwin_core.basis.errors import InputError
@@ -17,6 +20,9 @@ from porotwin_core.basis.photo_list import (
 )
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.basis.whole_file import whole_file
+
+VIRTUAL_CAMERA: Final = 'PoroTwin virtual camera'
+"""Model of the camera in the EXIF of photographs that the virtual rig took."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,16 @@ class Photo:
     read: Callable[[], bytes]
     path: Path | None = None
     concentration: float | None = None
+
+    @property
+    def is_virtual(self) -> bool:
+        """Whether the virtual rig took it, by the head of its file; False if it is not readable."""
+        with contextlib.suppress(OSError):
+            if self.path is None:
+                return VIRTUAL_CAMERA.encode() in self.read()[: io.DEFAULT_BUFFER_SIZE]
+            with self.path.open('rb') as file:
+                return VIRTUAL_CAMERA.encode() in file.read(io.DEFAULT_BUFFER_SIZE)
+        return False
 
 
 def read_photos(folder: Path) -> tuple[Photo, ...]:

@@ -53,6 +53,12 @@ class RecordedData:
         return self._known_without_rates.end
 
     @property
+    def is_virtual(self) -> bool:
+        """Whether the virtual rig made the maps, or took the photographs."""
+        mapped = self.maps is not None and self.maps.origin.is_virtual
+        return mapped or (bool(self.photos) and self.photos[0].is_virtual)
+
+    @property
     def known_rates(self) -> Schedule | None:
         """Measured rates where they exist, announced rates elsewhere, well by well.
 
@@ -91,7 +97,7 @@ class RecordedData:
         maps = self.maps
         return replace(
             self._known_without_rates,
-            rates=self.known_rates,
+            pumped=self.known_rates,
             maps=maps,
             scaled_maps=None if maps is None or maps.origin.calibrated is False else maps,
             names=names,

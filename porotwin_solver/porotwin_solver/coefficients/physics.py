@@ -10,7 +10,7 @@ import numpy as np
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import GRAVITY, MOLECULAR_DIFFUSION
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.rates.wells import WellRates
+from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import DEFAULT_WELL_RADIUS, Boundaries, Rig, WaterBody
 from porotwin_solver.coefficients.water_contact import Outline, WaterContact, contact_of
 
@@ -185,6 +185,19 @@ class Physics:
             return found
         follow = put_in * asked_out / (taken * asked_in)
         return {name: rate if rate > 0.0 else follow * rate for name, rate in found.items()}
+
+    def pumped(self, rates: WellRates) -> dict[str, WellRate]:
+        """Return `rates` of wells as `delivered`, with the fluids that were commanded."""
+        return {
+            name: replace(rates[name], rate=rate) for name, rate in self.delivered(rates).items()
+        }
+
+    def injected(self, rates: WellRates) -> dict[str, WellRate]:
+        """Return `rates` of wells as `pumped`, with the concentrations of their bottles."""
+        return {
+            name: replace(one, concentration=one.concentration * self.stock_factors.get(name, 1.0))
+            for name, one in self.pumped(rates).items()
+        }
 
     def at_levels(self, rates: WellRates) -> 'Physics':
         """Return these coefficients with the levels of water that `rates` name.

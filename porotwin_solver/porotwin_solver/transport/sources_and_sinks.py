@@ -39,20 +39,16 @@ class SourcesAndSinks:
     def active(self, rates: WellRates) -> list[ActiveSource]:
         """Return the sources and sinks whose rate is not zero.
 
-        The rates of wells are those of `Physics.delivered`. Leaks are included.
+        `Physics.injected` gives the rates of wells. Leaks are included.
 
         Raises:
             InputError: a rate for a well that the rig does not have.
         """
         physics = self.physics
         active = [
-            ActiveSource(
-                physics.wells[name],
-                rate,
-                rates[name].concentration * physics.stock_factors.get(name, 1.0),
-            )
-            for name, rate in physics.delivered(rates).items()
-            if rate != 0.0
+            ActiveSource(physics.wells[name], one.rate, one.concentration)
+            for name, one in physics.injected(rates).items()
+            if one.rate != 0.0
         ]
         active.extend(
             ActiveSource(leak.source_sink, leak.rate, 0.0)

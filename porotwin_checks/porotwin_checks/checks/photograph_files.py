@@ -1,0 +1,58 @@
+"""Are the files of the photographs whole, of one size, and each another one?"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
+from pathlib import PurePosixPath
+
+from porotwin_checks.known import Known, PhotoFile
+from porotwin_core.basis.check import Check
+from porotwin_core.basis.remark import NAMED, Remark
+
+KEY = 'photographs'
+NO_CAMERA = (
+    'there are photographs, but no place of the rig in them; add camera.corners_px to rig.yaml'
+)
+UNREADABLE = '{names} cannot be read as pictures; copy them again or remove their lines'
+CUT = '{names} end before their pictures do; copy them from the camera again'
+SIZES = 'they have several sizes, {sizes}; corners_px fit one size only'
+SAME = (
+    '{names} are each the same file, byte for byte: the camera may have hung, or files were copied'
+    '; leave copies out of imaging.csv'
+)
+
+
+def _find(known: Known) -> Iterator[Remark]:
+    photos = known.seen_photos
+    if known.rig.camera is None:
+        yield replace(Remark.of('camera', 'no_camera', NO_CAMERA), refused=True)
+    unreadable = [photo.name for photo in photos if photo.size is None]
+    if unreadable:
+        yield Remark.of(KEY, 'unreadable_photos', UNREADABLE, names=_listed(unreadable))
+    cut = [photo.name for photo in photos if photo.is_cut and photo.size is not None]
+    if cut:
+        yield Remark.of(KEY, 'cut_photos', CUT, names=_listed(cut))
+    sizes = {photo.size for photo in photos if photo.size is not None}
+    if len(sizes) > 1:
+        shown = ', '.join(f'{width} x {height} px' for width, height in sorted(sizes))
+        yield Remark.of(KEY, 'several_sizes', SIZES, sizes=shown)
+    runs = [list(run) for _, run in groupby(photos, _identity)]
+    # a file in several lines is told by `photograph_list`
+    runs = [run for run in runs if len({PurePosixPath(photo.name) for photo in run}) > 1]
+    if runs:
+        told = [f'{run[0].name} to {run[-1].name} ({len(run)} photographs)' for run in runs]
+        rows = [{'first': r[0].name, 'last': r[-1].name, 'photographs': len(r)} for r in runs]
+        yield Remark.of(KEY, 'same_files', SAME, names=_listed(told), runs=rows)
+
+
+def _identity(photo: PhotoFile) -> object:
+    """Return the same for equal files; a file that nobody could read equals no other."""
+    return photo.digest or id(photo)
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f' and {len(names) - NAMED} more' if len(names) > NAMED else ''
+    return ', '.join(names[:NAMED]) + more
+
+
+CHECK = Check(needs=('seen_photos',), find=_find)

@@ -1,0 +1,60 @@
+"""Files of photographs that are no pictures, are cut, differ in size or repeat another are told."""
+
+import pytest
+from box_rig import box_rig
+
+from porotwin_checks.checks.photograph_files import CHECK
+from porotwin_checks.known import Known, PhotoFile
+from porotwin_core.basis.remark import Remark
+from porotwin_core.rig import Camera
+
+CAMERA = Camera(corners_px=((0, 0), (0, 39), (59, 39), (59, 0)))
+RIG = box_rig(left=(0.1, 0.2)).model_copy(update={'camera': CAMERA})
+SIZE = (60, 40)
+
+
+def found(*photos: PhotoFile) -> list[Remark]:
+    return list(CHECK.find(Known(rig=RIG, seen_photos=photos)))
+
+
+def photos(contents: str) -> list[PhotoFile]:
+    """Return whole photographs a, b, c, ... with these files; - could not be read."""
+    return [
+        PhotoFile('abcdefghijkl'[number], SIZE, False, b'' if one == '-' else one.encode())
+        for number, one in enumerate(contents)
+    ]
+
+
+def test_whole_files_of_one_size_are_not_odd() -> None:
+    assert found(*photos('123')) == []
+    assert found(*photos('1'), *photos('1')) == [], '`photograph_list` tells a name in two lines'
+    assert found(*photos('121')) == [], 'equal files apart: a dry rig may look the same again'
+
+
+@pytest.mark.parametrize(
+    ('photo', 'code'),
+    [
+        (PhotoFile('b', None, True, b'2'), 'unreadable_photos'),
+        (PhotoFile('b', SIZE, True, b'2'), 'cut_photos'),
+        (PhotoFile('b', (59, 40), False, b'2'), 'several_sizes'),
+    ],
+)
+def test_a_file_that_is_not_like_the_others_is_told(photo: PhotoFile, code: str) -> None:
+    (remark,) = found(*photos('1'), photo)
+    assert remark.code == code
+
+
+def test_rows_of_equal_files_are_named_with_their_ends() -> None:
+    (remark,) = found(*photos('122232--44'))
+    assert remark.code == 'same_files'
+    assert remark.facts['runs'] == [
+        {'first': 'b', 'last': 'd', 'photographs': 3},
+        {'first': 'i', 'last': 'j', 'photographs': 2},
+    ]
+    assert 'b to d (3 photographs), i to j (2 photographs)' in str(remark)
+
+
+def test_photographs_without_a_place_of_the_rig_are_refused() -> None:
+    known = Known(rig=box_rig(left=(0.1, 0.2)), seen_photos=photos('1'))
+    (remark,) = CHECK.find(known)
+    assert remark.refused
