@@ -222,11 +222,11 @@ def test_after_a_photograph_that_failed_the_forecasts_begin_anew(
     siblings, empty = beside.node.siblings, np.zeros((24, 40))
     observe, taken = siblings.observe, []
 
-    def observed(photograph: Photograph, periods: Sequence[RatePeriod] = ()) -> None:
+    def observed(photograph: Photograph, periods: Sequence[RatePeriod], *pumps: Any) -> None:
         taken.append((photograph.time, len(periods)))
         if photograph.time == 100.0:
             raise InputError('a course cannot be run')
-        observe(photograph, periods)
+        observe(photograph, periods, *pumps)
 
     monkeypatch.setattr(siblings, 'observe', observed)
     for number, time_ in enumerate((0.0, 100.0, 200.0, 300.0), start=1):
