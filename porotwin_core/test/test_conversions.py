@@ -19,6 +19,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rates.delivered_rates import USUAL_PUMP, PumpFactor
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription, parse_rig, rig_from_maps
 from porotwin_core.ros import conversions
@@ -148,6 +149,16 @@ def test_rates_survive_and_wrong_ones_are_refused() -> None:
         conversions.rates_from_msg([messages[0], messages[0]])
     with pytest.raises(InputError, match="'a': well rate nan"):
         conversions.rates_from_msg([WellRateMessage(well='a', rate=float('nan'))])
+
+
+def test_beliefs_about_pumps_survive_and_impossible_ones_are_refused() -> None:
+    pumps = {'injector': PumpFactor(0.85, 0.02, 0.9), 'producer': USUAL_PUMP}
+    messages = conversions.pumps_to_msg(pumps)
+    assert conversions.pumps_from_msg(messages) == pumps
+    for wrong in (0.0, math.nan, math.inf):
+        messages[0].deviation = wrong
+        with pytest.raises(InputError, match="pump of well 'injector'"):
+            conversions.pumps_from_msg(messages)
 
 
 def test_a_refusal_is_one_line() -> None:

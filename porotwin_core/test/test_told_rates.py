@@ -84,12 +84,28 @@ def test_another_fluid_than_that_of_rig_yaml_is_found() -> None:
         ({'producer': -1000.0}, '500 ml/h more is produced than injected; is producer at -500.0'),
         ({'producer': -485.0}, '15 ml/h more is injected'),
         ({'control1': 750.0, 'producer': -1250.0}, 'control1 at 750.0 ml/h is above its limit'),
+        (
+            {'control1': 300.0, 'control2': 300.0, 'producer': -1100.0},
+            'inject 600.0 ml/h together, more than 500 ml/h, max_total_rate_ml_h',
+        ),
         ({'injector': 8.33, 'producer': -8.33}, 'injector runs at 500 ml/h all the time'),
     ],
 )
 def test_odd_rates_are_doubted(changed: dict[str, float], words: str) -> None:
     (doubt,) = doubts_about(SAFE | {well: rate(ml_h) for well, ml_h in changed.items()}, RIG)
     assert words in doubt
+
+
+def test_more_than_the_producer_takes_is_doubted() -> None:
+    assert RIG.control is not None
+    control = RIG.control.model_copy(update={'max_producer_rate_ml_h': 600.0})
+    rig = RIG.model_copy(update={'control': control})
+    told = {**SAFE, 'control1': rate(100.0), 'producer': rate(-600.0)}
+    assert doubts_about(told, rig) == []
+    (doubt,) = doubts_about({**told, 'control1': rate(120.0), 'producer': rate(-620.0)}, rig)
+    assert 'max_producer_rate_ml_h 600 leaves' in doubt
+    (doubt,) = doubts_about({**SAFE, 'injector': rate(620.0), 'producer': rate(-620.0)}, rig)
+    assert 'producer takes out 620.0 ml/h, more than its limit of 600 ml/h' in doubt
 
 
 def test_pumps_that_are_as_exact_as_pumps_are_balance() -> None:

@@ -17,6 +17,7 @@ from porotwin_core.clock.freshness import PhotographClock
 from porotwin_core.clock.stamps import steady_time
 from porotwin_core.model.correction import CorrectionFn
 from porotwin_core.model.state_filter import StateFilter
+from porotwin_core.rates.delivered_rates import rate_deviations
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.ros import conversions, qos
@@ -160,7 +161,9 @@ class HubNode(TwinNode):
             True,
             'learn the rate factor of each pump from photographs and meters, and predict with it',
         )
-        return RateLearner(tuple(rig.wells), self._grid, closed=rig.closed) if learns else None
+        if not learns:
+            return None
+        return RateLearner(rate_deviations(rig), self._grid, closed=rig.closed)
 
     def _declare_timeout(self) -> float:
         """Return the longest wait for a model [s].

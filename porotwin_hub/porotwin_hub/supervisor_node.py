@@ -25,6 +25,7 @@ from porotwin_core.ros.foreign_words import FewWords, in_short, said
 from porotwin_core.ros.node import (
     DIAGNOSTICS,
     HEARTBEAT_S,
+    STALE_AFTER,
     Diagnostics,
     TwinNode,
     declare,
@@ -66,17 +67,18 @@ class SupervisorNode(TwinNode):
         """
         super().__init__('supervisor', **kwargs)
         names = declare(self, 'nodes', '', 'names of the nodes to watch, separated by spaces')
+        self._stale_after_s = declare(
+            self,
+            STALE_AFTER,
+            STALE_AFTER_S,
+            'a node that is silent for longer is shown as stale [s]',
+            at_least=2.0,
+            at_most=3600.0,
+        )
         self._liveness = Liveness(
             names.split(),
             own=self.get_name(),
-            stale_after_s=declare(
-                self,
-                'stale_after_s',
-                STALE_AFTER_S,
-                'a node that is silent for longer is shown as stale [s]',
-                at_least=2.0,
-                at_most=3600.0,
-            ),
+            stale_after_s=self._stale_after_s,
             restart_after_s=declare(
                 self,
                 'restart_after_s',
@@ -95,7 +97,7 @@ class SupervisorNode(TwinNode):
             ),
         )
         self._words = FewWords(_print, known=names.split())
-        self._state = ALL_REPORT
+        self._state = ''
         self._errors: dict[tuple[str, str], str] = {}
         """The errors that were told, by the device and name of the sender."""
         self._publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
@@ -175,7 +177,7 @@ class SupervisorNode(TwinNode):
             return
         self._state = state
         level = DiagnosticStatus.OK if state == ALL_REPORT else DiagnosticStatus.WARN
-        self._diagnostics.report(level, state)
+        self._diagnostics.report(level, state, **{STALE_AFTER: self._stale_after_s})
         if state == FLOOD:
             self.get_logger().warning(state)
 
@@ -185,7 +187,8 @@ class SupervisorNode(TwinNode):
             return
         line = f'{silence.name} was {silence.message}; killed, to be started again'
         _print(line)
-        self._diagnostics.report(DiagnosticStatus.ERROR, line)
+        told = {STALE_AFTER: self._stale_after_s}
+        self._diagnostics.report(DiagnosticStatus.ERROR, line, **told)
         try:
             kill(process.pid)
         except PermissionError as error:

@@ -9,6 +9,7 @@ from box_rig import box_rig
 from porotwin_core.basis.units import ML
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.state_filter import StateFilter
+from porotwin_core.rates.delivered_rates import RATE_DEVIATION
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.estimation.rate_learning import RateLearner
@@ -72,7 +73,7 @@ def followed(
         rates=RateHistory(TOLD),
         watch=TracerWatch(RIG, GRID),
         state_filter=StateFilter(PORES, (GRID.dz, GRID.dx)),
-        learner=RateLearner(('in',), GRID, closed=False),
+        learner=RateLearner({'in': RATE_DEVIATION}, GRID, closed=False),
     )
     volume, cycles, volumes = STEP, [], []
     for number in range(count):

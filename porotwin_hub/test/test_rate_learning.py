@@ -6,6 +6,7 @@ import pytest
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.correction import Correction
 from porotwin_core.model.state_filter import Estimate, Seen, Volume
+from porotwin_core.rates.delivered_rates import RATE_DEVIATION, USUAL_PUMP
 from porotwin_core.rates.rate_periods import KnownRates, RatePeriod, joined
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.estimation.rate_learning import DeliveringModel, RateLearner
@@ -15,6 +16,7 @@ from porotwin_hub.loop.twin import Twin
 GRID = Grid(30, 20, 0.3, 0.2)
 RATE = 1e-7
 TOLD = {'in': WellRate(RATE, 1.0), 'push': WellRate(RATE), 'rest': WellRate()}
+PRIOR = dict.fromkeys(TOLD, RATE_DEVIATION)
 
 
 class Fronts:
@@ -60,7 +62,7 @@ def learnt(
     true: dict[str, float], seconds: int = 1200, *, interval: int = 60
 ) -> tuple[RateLearner, Fronts]:
     """Return a learner after photographs every `interval` [s] with `true` factors."""
-    learner, model = RateLearner(tuple(TOLD), GRID, closed=False), Fronts()
+    learner, model = RateLearner(PRIOR, GRID, closed=False), Fronts()
     speeds = [1e-4 * true.get(name, 1.0) for name in ('in', 'push')]
     for time in range(0, seconds + 1, interval):
         shown = fronts(0.06 + speeds[0] * time, 0.05 + speeds[1] * time)
@@ -85,7 +87,7 @@ def test_photographs_further_apart_than_the_windows_teach_too(interval: int) -> 
 
 def test_a_well_at_rest_teaches_nothing() -> None:
     factors = learnt({})[0].factors
-    assert factors['rest'] == pytest.approx((1.0, 0.06))
+    assert factors['rest'] == pytest.approx(USUAL_PUMP)
     assert factors['in'].factor == pytest.approx(1.0, abs=0.02)
 
 
@@ -103,7 +105,7 @@ def test_predictions_use_what_is_delivered() -> None:
 
 
 def test_a_twin_asks_both_models_with_what_is_delivered() -> None:
-    learner, model, asked = RateLearner(tuple(TOLD), GRID, closed=False), Fronts(), []
+    learner, model, asked = RateLearner(PRIOR, GRID, closed=False), Fronts(), []
     learner.meter(TOLD, TOLD)
     learner.meter({**TOLD, 'in': WellRate(0.6 * RATE, 1.0)}, TOLD)
     told = KnownRates(0.0, 0.0, TOLD)
@@ -122,7 +124,7 @@ def test_a_twin_asks_both_models_with_what_is_delivered() -> None:
 
 
 def test_a_meter_tells_at_once() -> None:
-    learner = RateLearner(tuple(TOLD), GRID, closed=False)
+    learner = RateLearner(PRIOR, GRID, closed=False)
     for _ in range(8):
         learner.meter({'in': WellRate(0.8 * RATE, 1.0), 'push': WellRate()}, TOLD)
     assert learner.factors['in'].factor == pytest.approx(0.8, abs=0.01)
@@ -132,7 +134,7 @@ def test_a_meter_tells_at_once() -> None:
 
 
 def test_a_pump_that_stops_and_one_that_runs_again_are_believed_at_once() -> None:
-    learner = RateLearner(tuple(TOLD), GRID, closed=False)
+    learner = RateLearner(PRIOR, GRID, closed=False)
     learner.meter(TOLD, TOLD)
     learner.meter({**TOLD, 'in': WellRate()}, TOLD)
     assert learner.factors['in'].factor < 0.05
@@ -143,7 +145,7 @@ def test_a_pump_that_stops_and_one_that_runs_again_are_believed_at_once() -> Non
 
 @pytest.mark.parametrize('earlier', [0, 1], ids=['first command', 'later command'])
 def test_a_late_person_is_no_dead_pump_but_one_that_never_turns_is(earlier: int) -> None:
-    learner = RateLearner(tuple(TOLD), GRID, closed=False)
+    learner = RateLearner(PRIOR, GRID, closed=False)
     off = {**TOLD, 'push': WellRate()}
     for _ in range(earlier):
         learner.meter(off, off)
@@ -156,7 +158,7 @@ def test_a_late_person_is_no_dead_pump_but_one_that_never_turns_is(earlier: int)
 
 
 def test_a_pump_at_rest_is_tried_again_after_a_while() -> None:
-    learner = RateLearner(tuple(TOLD), GRID, closed=False)
+    learner = RateLearner(PRIOR, GRID, closed=False)
     off = {**TOLD, 'push': WellRate()}
     for _ in range(8):
         learner.meter(off, TOLD)
@@ -167,7 +169,7 @@ def test_a_pump_at_rest_is_tried_again_after_a_while() -> None:
 
 
 def test_a_metered_pause_teaches_nothing_about_the_time_before_it() -> None:
-    learner, model = RateLearner(tuple(TOLD), GRID, closed=False), Fronts()
+    learner, model = RateLearner(PRIOR, GRID, closed=False), Fronts()
     for time in range(0, 901, 60):
         pumped = TOLD if time <= 600 else {**TOLD, 'in': WellRate()}
         learner.meter(pumped, TOLD)
@@ -180,7 +182,7 @@ def test_a_metered_pause_teaches_nothing_about_the_time_before_it() -> None:
 
 
 def test_a_changed_command_is_not_compared_with_its_meter() -> None:
-    learner = RateLearner(tuple(TOLD), GRID, closed=False)
+    learner = RateLearner(PRIOR, GRID, closed=False)
     learner.meter({'in': WellRate(0.5 * RATE, 1.0)}, TOLD)
     assert learner.factors['in'].factor == 1.0
 
@@ -190,7 +192,7 @@ def test_an_interruption_keeps_what_was_learnt_and_a_new_beginning_does_not() ->
     learner.interrupt()
     assert learner.factors['in'].factor < 0.95
     learner.begin_anew()
-    assert learner.factors['in'] == pytest.approx((1.0, 0.06))
+    assert learner.factors['in'] == pytest.approx(USUAL_PUMP)
 
 
 def test_periods_of_the_same_rates_are_joined() -> None:

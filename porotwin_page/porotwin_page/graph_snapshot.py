@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 
+from porotwin_core.clock.freshness import STALE_AFTER_S
 from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
@@ -234,6 +235,7 @@ class Health:
         arrival: time of the last report of the node itself, on this machine's steady clock [s].
         present: whether the node is in the graph; None if it never was.
         ended: whether it said that it leaves, because its work is over.
+        stale_after_s: of the supervisor: how long a healthy node is silent at most [s].
     """
 
     level: Level
@@ -241,6 +243,7 @@ class Health:
     arrival: float
     present: bool | None = None
     ended: bool = False
+    stale_after_s: float = STALE_AFTER_S
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ _ORDER = {'error': 0, 'silent': 1, 'warn': 2}
 _SYMBOLS = {'error': '✖', 'silent': '✖', 'warn': '▲'}
 
 
-def node_view(name: str, report: Health, steady: float, *, finished: bool, judged: bool) -> Json:
+def node_view(name: str, report: Health, steady: float, *, finished: bool, longest: float) -> Json:
     """Return the line of one node.
 
     A node that has left the graph is an error, unless it said so or the experiment is over.
@@ -24,8 +24,7 @@ def node_view(name: str, report: Health, steady: float, *, finished: bool, judge
         report: its last report, or the supervisor's on its silence.
         steady: present time on this machine's steady clock [s].
         finished: whether the experiment is over.
-        judged: whether the supervisor judges who is silent. It starts a silent node again in time;
-            whoever stays silent longer is not watched by it.
+        longest: silence of a healthy node [s].
     """
     if report.present is False:
         over = finished or report.ended
@@ -35,7 +34,6 @@ def node_view(name: str, report: Health, steady: float, *, finished: bool, judge
         return {'name': name, 'level': 'quiet', 'message': report.message, 'age_s': None}
     age = steady - report.arrival
     level, message = report.level, report.message
-    longest = RESTART_AFTER_S if judged else STALE_AFTER_S
     if level is not Level.SILENT and age > longest:
         level, message = Level.SILENT, f'silent; last said: {message}'
     return {'name': name, 'level': level.value, 'message': message, 'age_s': finite(age, 3)}
@@ -45,9 +43,13 @@ def nodes_view(snapshot: GraphSnapshot, steady: float) -> list[Json]:
     """Return the lines of all nodes, errors and warnings first; `steady` as in `node_view`."""
     finished = snapshot.finished is not None
     supervisor = snapshot.health.get(SUPERVISOR)
-    judged = supervisor is not None and steady - supervisor.arrival <= STALE_AFTER_S
+    longest = STALE_AFTER_S
+    if supervisor is not None and steady - supervisor.arrival <= supervisor.stale_after_s:
+        # it judges who is silent, and starts a silent node again in time: whoever stays silent
+        # longer is not watched by it
+        longest = max(RESTART_AFTER_S, supervisor.stale_after_s)
     lines = [
-        node_view(name, report, steady, finished=finished, judged=judged)
+        node_view(name, report, steady, finished=finished, longest=longest)
         for name, report in snapshot.health.items()
     ]
     return sorted(lines, key=lambda line: _ORDER.get(line['level'], len(_ORDER)))

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,6 +24,7 @@ from porotwin_core.ros.foreign_words import FewWords, in_short
 from porotwin_core.ros.node import (
     DIAGNOSTICS,
     ENDED,
+    STALE_AFTER,
     Diagnostics,
     TwinNode,
     declare,
@@ -344,9 +346,11 @@ class PageNode(TwinNode):
         now = time.monotonic()
         for status in message.status:
             level = LEVELS.get(status.level, graph_snapshot.Level.ERROR)
-            ended = any(item.key == ENDED for item in status.values)
+            values = {item.key: item.value for item in status.values}
             text = in_short(status.message)
-            report = graph_snapshot.Health(level, text, now, ended=ended)
+            report = graph_snapshot.Health(level, text, now, ended=ENDED in values)
+            with suppress(KeyError, ValueError):
+                report = replace(report, stale_after_s=float(values[STALE_AFTER]))
             name = status.name.rpartition('/')[2]
             if status.hardware_id != hardware_id(self):
                 name = f'{status.hardware_id or "another device"}: {name}'

@@ -82,6 +82,16 @@ def test_the_page_judges_who_is_silent_only_where_the_supervisor_does_not(
     assert nodes_view(told, 8.0)[0]['level'] == 'silent'
 
 
+@pytest.mark.parametrize(('age', 'level'), [(89.0, 'ok'), (91.0, 'silent')])
+def test_the_patience_of_the_supervisor_is_that_of_the_page(age: float, level: str) -> None:
+    watch = Health(Level.OK, 'all nodes report', 100.0, stale_after_s=90.0)
+    now = after(
+        (snapshot.with_health, 'hub', Health(Level.OK, 'state 3 done', 100.0 - age)),
+        (snapshot.with_health, 'supervisor', watch),
+    )
+    assert {line['name']: line['level'] for line in nodes_view(now, 100.0)}['hub'] == level
+
+
 def node(name: str, level: str, message: str = 'fast') -> dict:
     return {'name': name, 'level': level, 'message': message, 'age_s': 1.0}
 

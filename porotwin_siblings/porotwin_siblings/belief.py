@@ -12,6 +12,7 @@ small ensemble has in the space of its members (Evensen et al., Data Assimilatio
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray
@@ -64,6 +65,34 @@ class Belief:
     def members(self, scores: FloatArray) -> FloatArray:
         """Return the unknowns of every sibling, (unknowns, siblings), from their `scores`."""
         return self.mean[:, None] + self.root @ scores
+
+    def with_marginal(
+        self,
+        places: NDArray[np.int_],
+        mean: FloatArray,
+        deviation: FloatArray,
+        *,
+        linear: float,
+    ) -> 'Belief':
+        """Return the belief with the marginal of somebody else in the unknowns at `places`.
+
+        The belief in the others, given these, stays as it is (Jeffrey, The Logic of Decision, 1983,
+        ch. 11).
+
+        Args:
+            places: of the unknowns.
+            mean: theirs, (places,).
+            deviation: theirs, independent of each other, (places,).
+            linear: a mean that changes by more tells nothing about the others any more.
+        """
+        before, change = self.covariance.copy(), mean - self.mean[places]
+        far = places[np.abs(change) > linear]
+        before[far, :] = before[:, far] = 0.0
+        before[far, far] = 1.0
+        marginal = before[np.ix_(places, places)]
+        slope = np.linalg.solve(marginal, before[places]).T
+        after = before + slope @ (np.diag(deviation**2) - marginal) @ slope.T
+        return Belief(self.mean + slope @ change, 0.5 * (after + after.T))
 
     def relaxed(self, prior: 'Belief', share: float) -> 'Belief':
         """Return the belief after `share` of the knowledge has faded to `prior`.

@@ -11,6 +11,7 @@ from porotwin_core.model.effect_parameter import HALF_INTERVAL, Parameter
 from porotwin_solver.effects import effect
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 from porotwin_solver.effects.definition.effect import Scope
+from porotwin_solver.effects.rate import EFFECT as RATE
 
 LEAST_SHARE = 0.1
 """Share of the diagnosed value, counted from the bound of its range, that a drawn one keeps."""
@@ -28,7 +29,8 @@ def read_diagnosis(path: Path) -> tuple[Candidate, ...]:
 
     One step of a parameter is its standard deviation.
 
-    Effects of the camera and of the numerical scheme are none: they move no water or tracer.
+    Effects of the camera and of the numerical scheme are none: they move no water or tracer. Those
+    of a pump are none either: the hub knows its delivery.
 
     Raises:
         InputError: the file cannot be read, or lacks a key.
@@ -36,7 +38,11 @@ def read_diagnosis(path: Path) -> tuple[Candidate, ...]:
     try:
         data = json_value(read_regular(path))
         kept = [item for item in data['effects'] if item['name'] in data['combination']]
-        return tuple(_diagnosed(item) for item in kept if effect(item['name']).scope in OF_THE_RIG)
+        return tuple(
+            _diagnosed(item)
+            for item in kept
+            if effect(item['name']).scope in OF_THE_RIG and item['name'] != RATE.name
+        )
     except OSError as error:
         raise InputError(f'{path}: {error.strerror}; name a diagnosis.json') from None
     except (ValueError, KeyError, TypeError) as error:

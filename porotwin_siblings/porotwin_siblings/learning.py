@@ -1,13 +1,13 @@
 """How a photograph changes the belief of the siblings, and their spread."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.geometry.map_blocks import Blocks, error_variance
-from porotwin_core.rates.delivered_rates import MEMORY_S
+from porotwin_core.rates.delivered_rates import MEMORY_S, PumpFactor
 from porotwin_siblings.belief import Belief, standard_scores
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.unknowns import Sibling, Unknowns
@@ -52,6 +52,23 @@ class Learning:
         """Forget everything."""
         self.belief = self._prior
         self.inflation = 1.0
+        self.believe({})
+
+    def believe(self, pumps: Mapping[str, PumpFactor]) -> None:
+        """Believe in the rate factors of the `pumps` by well as the hub does, and doubt them alike.
+
+        Others count as before any photograph.
+        """
+        told = [
+            (place, math.log(pump.unmetered) / step, pump.deviation / pump.factor / step)
+            if (pump := pumps.get(well))
+            else (place, 0.0, 1.0)
+            for well, (place, step) in self._unknowns.pumps.items()
+        ]
+        places, mean, deviation = np.array(told).reshape(-1, 3).T
+        self._pumps = places.astype(int), mean, deviation
+        self._prior = self._prior.with_marginal(*self._pumps, linear=MOST_INFLATION)
+        self.belief = self.belief.with_marginal(*self._pumps, linear=MOST_INFLATION)
 
     def members(self) -> list[Sibling]:
         """Return every sibling."""
@@ -101,7 +118,7 @@ class Learning:
         variance = error_variance(noise, alike=max(1.0, alike))
         self.belief = self.belief.updated(
             self.inflation * self._scores, predicted, observed, variance
-        )
+        ).with_marginal(*self._pumps, linear=MOST_INFLATION)
         self._inflate(predicted, observed, noise)
 
     def _inflate(self, predicted: FloatArray, observed: FloatArray, noise: FloatArray) -> None:

@@ -2,9 +2,8 @@
 
 import math
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
 from itertools import repeat
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.state_filter import Estimate, Seen, StateFilter
-from porotwin_core.rates.delivered_rates import WINDOW_S
+from porotwin_core.rates.delivered_rates import WINDOW_S, PumpFactor, delivered
 from porotwin_core.rates.rate_periods import RatePeriod, injected_tracer, plan_periods
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import Rig
@@ -36,11 +35,14 @@ from porotwin_siblings.unknowns import Sibling, Unknowns, drawn
 from porotwin_siblings.zone_measure import ZoneMeasure
 from porotwin_solver.effects import tracer_storage
 from porotwin_solver.effects.definition.candidate import Candidate
-from porotwin_solver.effects.rate import EFFECT as RATE
 
 LEARNING_S = 150.0
 """Shortest time between two photographs that are learnt from [s]: the plume moves by less than a
 block meanwhile, so that photographs in between tell little more."""
+
+
+NO_PUMPS: Mapping[str, PumpFactor] = {}
+"""The hub has told nothing about pumps."""
 
 
 class _Moment(NamedTuple):
@@ -60,10 +62,12 @@ class _Moment(NamedTuple):
 
 
 class _Standing(NamedTuple):
-    """The newest state of all siblings, and the beliefs of each."""
+    """The newest state of all siblings, the beliefs of each, and the parts of the rate factors that
+    meters tell, by well."""
 
     begin: _Moment
     members: tuple[Sibling, ...]
+    metered: Mapping[str, float]
 
 
 class Siblings:
@@ -147,28 +151,25 @@ class Siblings:
         self.learning.begin_anew()
         self._check_anew()
 
-    def rate_factors(self) -> dict[str, tuple[float, float]]:
-        """Return the rate factor of every well, and its standard deviation [-]."""
-        belief, result = self.learning.belief, {}
-        for place, (effect, factor) in enumerate(replace(self.unknowns, diagnosed=()).listed):
-            if effect.effect == RATE.name:
-                value = factor.value(belief.mean[place])
-                deviation = value * factor.step * float(belief.deviation[place])
-                result[str(effect.fixed['well'])] = (value, deviation)
-        return result
-
-    def observe(self, photograph: Photograph, periods: Sequence[RatePeriod] = ()) -> None:
+    def observe(
+        self,
+        photograph: Photograph,
+        periods: Sequence[RatePeriod] = (),
+        pumps: Mapping[str, PumpFactor] = NO_PUMPS,
+    ) -> None:
         """Learn from a photograph.
 
         Args:
             photograph: the newest one.
             periods: rates since the last photograph, consecutive; empty: it follows from none.
+            pumps: the belief of the hub, by well; the siblings learn nothing about pumps.
 
         Raises:
             InputError: nothing can be learnt from the photograph, or a course cannot be run, for
                 example with unbalanced rates.
         """
         photograph.check()
+        self.learning.believe(pumps)
         if not periods:
             self.interrupt()
         # the estimate is in terms of photographs: each sibling believes in another scale
@@ -192,7 +193,8 @@ class Siblings:
             self._past.popleft()
         if len(self._past) == 1:
             self._learnt = photograph.time
-        self._newest = _Standing(self._past[-1], tuple(self.learning.members()))
+        metered = {well: pump.metered for well, pump in pumps.items()}
+        self._newest = _Standing(self._past[-1], tuple(self.learning.members()), metered)
 
     def outlook(
         self,
@@ -218,9 +220,10 @@ class Siblings:
             InputError: a course cannot be run.
         """
         after, maps_after = np.array(list(times)), np.array(list(map_times))
-        begin, members = self._standing()
+        begin, members, metered = self._standing()
         asked = np.array(numbers or range(len(members)))
-        periods = plan_periods(plan, begin.time, horizon)
+        told = [step._replace(rates=delivered(step.rates, metered)) for step in plan]
+        periods = plan_periods(told, begin.time, horizon)
         # the mean of all, on both grids, shows the smear of the coarse grid
         fine, coarse, *courses = self._run(
             [
@@ -344,7 +347,10 @@ class Siblings:
         return course.maps[0] + mean.photograph_error * last.systematic
 
     def _check_forecast(self) -> None:
-        """Compare the plume in the zone with its forecast by the mean of some minutes ago."""
+        """Compare the plume in the zone with its forecast by the mean of some minutes ago.
+
+        The pumps count as the hub knows them now: its news is no doubt any more.
+        """
         now = self._past[-1]
         old = [moment for moment in self._past if now.time - moment.time >= CHECK_S]
         if not old or self._learnt != now.time or not self.zone.known:
@@ -357,7 +363,8 @@ class Siblings:
             for period in moment.periods
         ]
         after = np.array([now.time - begin.time])
-        order = self._order(begin, begin.mean, periods, after, after, self.map_grid)
+        mean = begin.mean.with_pumps_of(now.mean)
+        order = self._order(begin, mean, periods, after, after, self.map_grid)
         (course,) = self._run([order])
         seen = np.clip(now.state - now.mean.photograph_error * now.systematic, 0.0, 1.0)
         self.front_check.compare(front_miss(course.maps[0], seen, self.map_grid))

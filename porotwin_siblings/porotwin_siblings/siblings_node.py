@@ -4,9 +4,10 @@ Callbacks only convert and store. A worker takes the newest photograph, learns f
 the forecast. A proposed schedule is answered beside it. Nothing here is ever pumped.
 """
 
+import math
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from functools import partial
@@ -24,12 +25,14 @@ from porotwin_core.clock.freshness import stamp_doubts
 from porotwin_core.clock.photo_interval import LONGEST_GAP_INTERVALS
 from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.delivered_rates import PumpFactor
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import OPEN_HORIZON_S
 from porotwin_core.rates.wells import RateStep
 from porotwin_core.rig import EffectDescription
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.ros import conversions, qos
+from porotwin_core.ros.following import follow
 from porotwin_core.ros.model_effects import ToldEffects
 from porotwin_core.ros.node import (
     Diagnostics,
@@ -42,7 +45,7 @@ from porotwin_core.ros.node import (
 )
 from porotwin_core.ros.run_topics import follow_run
 from porotwin_core.ros.single_instance import only_one
-from porotwin_msgs.msg import CleanState, Forecast, NewState
+from porotwin_msgs.msg import CleanState, CycleReport, Forecast, NewState
 from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.continuity import periods_until
 from porotwin_siblings.diagnosed_effects import read_diagnosis
@@ -57,7 +60,7 @@ from porotwin_siblings.proposed_rates import (
     concentration_note,
     proposed_plan,
 )
-from porotwin_siblings.siblings import Siblings
+from porotwin_siblings.siblings import NO_PUMPS, Siblings
 from porotwin_siblings.siblings_messages import (
     forecast_to_msg,
     photograph_from_msg,
@@ -155,6 +158,8 @@ class SiblingsNode(TwinNode):
         self._new_effects: tuple[EffectDescription, ...] | None = None
         self._rates = RateHistory.of(self._rig)
         self._changed = threading.Condition()
+        self._pumps: tuple[float, Mapping[str, PumpFactor]] = (-math.inf, NO_PUMPS)
+        """Stamp [s] and content of the hub's belief in the pumps."""
         self._arrived: _Arrived | None = None
         self._interrupted = False
         self._forecast: Outlook | None = None
@@ -200,6 +205,7 @@ class SiblingsNode(TwinNode):
             on_clean_state=self._on_clean_state,
             on_effects=self._on_effects,
         )
+        follow(self, CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         # a question must not wait for messages, nor messages for its answer
         own = MutuallyExclusiveCallbackGroup()
         self.create_service(WhatIf, 'siblings/what_if', self._what_if, callback_group=own)
@@ -209,6 +215,11 @@ class SiblingsNode(TwinNode):
         )
 
     # --- messages in --------------------------------------------------------------------------
+
+    def _on_cycle(self, message: CycleReport) -> None:
+        if pumps := conversions.pumps_from_msg(message.rate_factors):
+            with self._changed:
+                self._pumps = conversions.time_from_msg(message.header.stamp), pumps
 
     def _on_clean_state(self, message: CleanState) -> None:
         with self._changed:
@@ -261,7 +272,9 @@ class SiblingsNode(TwinNode):
             interrupted = self._interrupted or self._is_late(photograph)
             self._interrupted = False
             periods = periods_until(photograph.time, siblings, self._rates, interrupted=interrupted)
-        siblings.observe(photograph, periods)
+            told_at, pumps = self._pumps
+        # a belief by another clock, before time went back, is none
+        siblings.observe(photograph, periods, pumps if told_at <= photograph.time else NO_PUMPS)
 
     def _is_late(self, photograph: Photograph) -> bool:
         """Return whether the last photograph is too old to compute from it to `photograph`."""
@@ -282,6 +295,7 @@ class SiblingsNode(TwinNode):
             if effects is None or effects == self._effects:
                 return False
             self._interrupted = False
+            self._pumps = (-math.inf, NO_PUMPS)  # the hub learns them anew too
             # the rates go on as they do for siblings who stay
             periods_until(photograph.time, self.siblings, self._rates, interrupted=False)
         siblings = self._make_siblings(self._rig.with_effects(effects))

@@ -1,7 +1,7 @@
 """The unknowns of the siblings: effects of the rig, as each of them draws their parameters."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -9,6 +9,7 @@ from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
+from porotwin_solver.effects.rate import EFFECT as RATE
 from porotwin_solver.effects.rate import rate_factors
 
 
@@ -25,6 +26,12 @@ class Sibling:
     changes: tuple[EffectDescription, ...] = ()
     diagnosed: tuple[EffectDescription, ...] = ()
     photograph_error: float = field(kw_only=True)
+
+    def with_pumps_of(self, other: 'Sibling') -> 'Sibling':
+        """Return this sibling with the pumps of an `other`."""
+        own = tuple(one for one in self.changes if one.name != RATE.name)
+        pumps = tuple(one for one in other.changes if one.name == RATE.name)
+        return replace(self, changes=own + pumps)
 
     @cached_property
     def rate_factors(self) -> dict[str, float]:
@@ -64,6 +71,15 @@ class Unknowns:
         """Every unknown parameter of an effect; the photographs follow."""
         effects = (*self.believed, *self.diagnosed)
         return [Unknown(one, parameter) for one in effects for parameter in one.parameters]
+
+    @cached_property
+    def pumps(self) -> dict[str, tuple[int, float]]:
+        """Place of the rate factor of each pump, and the step of its logarithm, by well."""
+        return {
+            str(candidate.fixed['well']): (place, factor.step)
+            for place, (candidate, factor) in enumerate(replace(self, diagnosed=()).listed)
+            if candidate.effect == RATE.name
+        }
 
     @property
     def count(self) -> int:

@@ -36,6 +36,26 @@ def test_a_linear_observation_gives_the_kalman_update(inflation: float) -> None:
     )
 
 
+KNOWN = Belief(
+    np.array([1.0, 2.0, 3.0]), np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.3], [0.0, 0.3, 0.5]])
+)
+
+
+def test_what_another_observer_saw_of_one_unknown_tells_about_the_others_as_a_look_at_it() -> None:
+    look, variance, seen = np.array([[0.0, 1.0, 0.0]]), np.array([0.5]), np.array([1.2])
+    observed = KNOWN.updated(SCORES, look @ KNOWN.members(SCORES), seen, variance)
+    place = np.array([1])
+    found = KNOWN.with_marginal(place, observed.mean[place], observed.deviation[place], linear=4.0)
+    np.testing.assert_allclose(found.mean, observed.mean)
+    np.testing.assert_allclose(found.covariance, observed.covariance)
+
+
+def test_an_unknown_that_jumps_tells_nothing_about_the_others() -> None:
+    found = KNOWN.with_marginal(np.array([1]), np.array([-60.0]), np.array([0.1]), linear=4.0)
+    np.testing.assert_allclose(found.mean, [1.0, -60.0, 3.0])
+    np.testing.assert_allclose(found.covariance, np.diag([2.0, 0.01, 0.5]), atol=1e-12)
+
+
 def test_what_was_learnt_fades_to_the_prior() -> None:
     prior = Belief.independent(np.zeros(3), np.ones(3))
     known = Belief.independent(np.ones(3), np.full(3, 0.1))

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.model.effect_limits import MOST_FACTOR
 from porotwin_core.model.effect_parameter import HALF_INTERVAL
 from porotwin_siblings.diagnosed_effects import read_diagnosis
 
@@ -37,9 +38,10 @@ def test_kept_effects_are_read_with_their_intervals(tmp_path: Path) -> None:
 
 
 def test_drawn_values_stay_within_what_an_effect_allows(tmp_path: Path) -> None:
-    (found,) = read_diagnosis(written(tmp_path, [RATE], ['rate']))
-    described = found.described([-30.0])
-    assert described.parameters == {'well': 'injector', 'factor': 0.0}
+    parameters = {'factor': RATE['parameters']['factor']}
+    porosity = {'name': 'porosity', 'parameters': parameters}
+    (found,) = read_diagnosis(written(tmp_path, [porosity], ['porosity']))
+    assert found.described([-30.0]).parameters == {'factor': 1.0 / MOST_FACTOR}
 
 
 @pytest.mark.parametrize('end', [None, 1e-9])
@@ -69,14 +71,14 @@ def test_a_number_that_is_known_to_a_factor_is_drawn_by_its_logarithm(tmp_path: 
     assert drawn['transverse_dispersivity'] == pytest.approx(7e-6 * 1e6 ** (0.5 / HALF_INTERVAL))
 
 
-def test_effects_of_camera_and_scheme_are_none_of_the_rig(tmp_path: Path) -> None:
+def test_effects_of_camera_scheme_and_pumps_are_none_of_the_siblings(tmp_path: Path) -> None:
     clock = {'name': 'clock', 'parameters': {'offset': {'value': 9.0, 'low': 8.0, 'high': 10.0}}}
     scheme = {
         'name': 'numerical_diffusion',
         'parameters': {'model_diffusion': {'value': 1e-8, 'low': 5e-9, 'high': 2e-8}},
     }
-    named = ['buoyancy', 'clock', 'numerical_diffusion']
-    (found,) = read_diagnosis(written(tmp_path, [BUOYANCY, clock, scheme], named))
+    named = ['buoyancy', 'clock', 'numerical_diffusion', 'rate']
+    (found,) = read_diagnosis(written(tmp_path, [BUOYANCY, clock, scheme, RATE], named))
     assert found.effect == 'buoyancy'
 
 

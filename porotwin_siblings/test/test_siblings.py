@@ -10,6 +10,7 @@ import pytest
 from siblings_examples import EMPTY, GRID, RATES, RIG, period, photograph
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.rates.delivered_rates import PumpFactor
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_siblings.course import CourseOrder, run_course, sibling_physics
 from porotwin_siblings.expected_cost import chosen_judges
@@ -42,15 +43,29 @@ def truth(factors: dict[str, float], times: list[float]) -> np.ndarray:
 
 
 def followed(
-    executor: Executor, factors: dict[str, float], *, end: float = 1500.0, step: float = 300.0
+    executor: Executor,
+    factors: dict[str, float],
+    pumps: dict[str, PumpFactor] | None = None,
+    *,
+    end: float = 1500.0,
+    step: float = 300.0,
 ) -> Siblings:
-    """Return siblings that saw a rig with other rate factors until `end` [s]."""
+    """Return siblings that saw a rig with other rate factors until `end` [s].
+
+    The hub told them of the `pumps`; None: nothing.
+    """
     siblings = Siblings(RIG, GRID, executor=executor)
     siblings.observe(photograph(0.0, EMPTY))
     times = list(np.arange(step, end + 1.0, step))
     for time, map_ in zip(times, truth(factors, times), strict=True):
-        siblings.observe(photograph(time, map_), [period(time - step, time)])
+        siblings.observe(photograph(time, map_), [period(time - step, time)], pumps or {})
     return siblings
+
+
+def believed(siblings: Siblings, well: str) -> tuple[float, float]:
+    """Return mean and deviation of the log of a rate factor, over all siblings."""
+    logs = np.log([one.rate_factors[well] for one in siblings.learning.members()])
+    return float(logs.mean()), float(logs.std())
 
 
 @pytest.fixture(scope='module')
@@ -64,17 +79,34 @@ def ordinary(threads: Executor) -> Siblings:
     return followed(threads, {}, end=600.0)
 
 
-def test_a_pump_that_delivers_less_is_learnt_with_its_doubt(threads: Executor) -> None:
-    siblings = followed(threads, {'injector': 0.92})
-    factor, deviation = siblings.rate_factors()['injector']
-    assert factor == pytest.approx(0.92, abs=0.03)
-    assert 0.005 < deviation < 0.05
-    # a well that never pumped is as unknown as before
-    assert siblings.rate_factors()['control3'][1] == pytest.approx(0.06, abs=0.01)
+def test_siblings_believe_of_pumps_what_the_hub_does_whatever_photographs_show(
+    threads: Executor,
+) -> None:
+    siblings = followed(
+        threads, {'injector': 0.92}, {'injector': PumpFactor(0.8, 0.024, 1.0)}, end=600
+    )
+    spread = siblings.learning.inflation
+    assert believed(siblings, 'injector') == pytest.approx((np.log(0.8), 0.03 * spread))
+    assert believed(siblings, 'control3') == pytest.approx((0.0, 0.06 * spread))
+    learnt = siblings.learning.belief.mean.copy()
+    assert np.abs(learnt[len(RIG.wells) :]).max() > 0.1
+    siblings.observe(photograph(630.0, siblings.state), [period(600.0, 630.0)])
+    assert believed(siblings, 'injector') == pytest.approx((0.0, 0.06 * spread))
+
+
+def test_a_meter_acts_on_commands_and_not_on_measured_rates(threads: Executor) -> None:
+    def expected(pump: PumpFactor) -> float:
+        siblings = followed(threads, {}, {'injector': pump}, end=300.0)
+        return float(siblings.outlook(PLAN, 1200.0, (1200.0,)).zone_tracer[1, 0])
+
+    metered, told = PumpFactor(0.8, 0.04, 0.8), PumpFactor(1.0, 0.05, 1.0)
+    assert expected(metered) < expected(told)
+    siblings = followed(threads, {}, {'injector': metered}, end=300.0)
+    assert believed(siblings, 'injector')[0] == pytest.approx(0.0)
 
 
 def test_the_truth_lies_in_the_bands(threads: Executor) -> None:
-    siblings = followed(threads, {'injector': 1.06})
+    siblings = followed(threads, {'injector': 1.06}, {'injector': PumpFactor(1.05, 0.02, 1.0)})
     outlook = siblings.outlook(PLAN, 2400.0, TIMES)
     later = truth({'injector': 1.06}, [1500.0 + time for time in TIMES])
     for number, map_ in enumerate(later):
@@ -160,19 +192,20 @@ def test_a_photograph_that_hides_nearly_all_sand_tells_nothing(threads: Executor
     siblings.observe(Photograph.of(300.0, hidden), [period(0.0, 300.0)])
     assert siblings.time == 300.0
     assert siblings.learning.inflation == 1.0
-    assert siblings.rate_factors()['injector'][0] == pytest.approx(1.0)
+    np.testing.assert_array_equal(siblings.learning.belief.mean, 0.0)
 
 
 def test_an_interruption_keeps_what_was_learnt(threads: Executor) -> None:
     siblings = followed(threads, {'injector': 0.92}, end=900.0)
-    learnt = siblings.rate_factors()
+    learnt = siblings.learning.belief.mean
     siblings.interrupt()
     assert not siblings.started
     with pytest.raises(InputError, match='no photograph has come yet'):
         siblings.outlook(PLAN, 600.0, (600.0,))
-    assert siblings.rate_factors() == learnt
+    assert siblings.learning.belief.mean is learnt
+    assert learnt.any()
     siblings.begin_anew()
-    assert siblings.rate_factors()['injector'] == pytest.approx((1.0, 0.06))
+    assert not siblings.learning.belief.mean.any()
 
 
 def outlook_of(executor: Executor) -> Outlook:

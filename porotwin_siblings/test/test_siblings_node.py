@@ -12,6 +12,7 @@ from patience import PATIENCE_S, until
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S, MINUTE_S, from_ml_h
 from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.delivered_rates import PumpFactor
 from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import EffectDescription, Rig, load_rig
@@ -25,7 +26,7 @@ from porotwin_core.ros import (  # noqa: E402
     qos,
 )
 from porotwin_core.ros.node_thread import NodeThread  # noqa: E402
-from porotwin_msgs.msg import Forecast, ModelEffects, NewState, Outcome, Setpoint  # noqa: E402
+from porotwin_msgs.msg import CycleReport, Forecast, ModelEffects, NewState, Outcome, Setpoint  # noqa: E402
 from porotwin_msgs.srv import CostGradient, WhatIf  # noqa: E402
 from porotwin_siblings.photograph import Photograph  # noqa: E402
 from porotwin_siblings.siblings import Siblings  # noqa: E402
@@ -59,6 +60,7 @@ class Beside:
         self.states = self.other.create_publisher(NewState, 'asset/new_state', qos.FIELD)
         self.setpoints = self.other.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
         self.effects = self.other.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
+        self.cycles = self.other.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
         self.client = self.other.create_client(WhatIf, 'siblings/what_if')
         self.judges = self.other.create_client(CostGradient, 'siblings/cost_gradient')
         self._thread = NodeThread(self.node, self.other, threads=4)
@@ -178,6 +180,16 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     assert not beside.node.siblings.rig.effects
     assert not beside.node._rates.is_commanded(300.0)
 
+    pump = conversions.pumps_to_msg({'injector': PumpFactor(0.5, 0.01, 1.0)})
+    until(lambda: beside.cycles.get_subscription_count() > 0)
+    beside.cycles.publish(CycleReport(header=conversions.header_at(10.0), rate_factors=pump))
+    beside.cycles.publish(CycleReport(header=conversions.header_at(11.0)))  # of a set-aside state
+    until(lambda: beside.node._pumps[0] == 10.0)
+    beside.photograph(40.0, plume)
+    until(lambda: len(beside.forecasts) == 5)
+    factors = [one.rate_factors['injector'] for one in beside.node.siblings.learning.members()]
+    assert np.log(factors).mean() == pytest.approx(np.log(0.5))
+
 
 def test_new_siblings_whose_making_fails_are_made_at_the_next_photograph(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
@@ -210,11 +222,11 @@ def test_after_a_photograph_that_failed_the_forecasts_begin_anew(
     siblings, empty = beside.node.siblings, np.zeros((24, 40))
     observe, taken = siblings.observe, []
 
-    def observed(photograph: Photograph, periods: Sequence[RatePeriod] = ()) -> None:
+    def observed(photograph: Photograph, periods: Sequence[RatePeriod], *pumps: Any) -> None:
         taken.append((photograph.time, len(periods)))
         if photograph.time == 100.0:
             raise InputError('a course cannot be run')
-        observe(photograph, periods)
+        observe(photograph, periods, *pumps)
 
     monkeypatch.setattr(siblings, 'observe', observed)
     for number, time_ in enumerate((0.0, 100.0, 200.0, 300.0), start=1):

@@ -182,8 +182,8 @@ def _json(found: 'WhatIfStudy') -> dict[str, Any]:
             'deviations_known': found.deviations_known,
         },
         'rate_factors': {
-            well: {'factor': factor, 'deviation': deviation}
-            for well, (factor, deviation) in found.rate_factors.items()
+            well: {'factor': pump.factor, 'deviation': pump.deviation}
+            for well, pump in found.rate_factors.items()
         },
         'objections': list(found.objections),
         'note': found.note,

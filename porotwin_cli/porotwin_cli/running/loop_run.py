@@ -13,6 +13,7 @@ from porotwin_cli.running.loop_rig import Eyes, LoopRig, LoopSettings
 from porotwin_cli.running.loop_scenario import LoopScenario
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.state_filter import StateFilter
+from porotwin_core.rates.delivered_rates import rate_deviations
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import OPEN_HORIZON_S, KnownRates, orders_by_hand
 from porotwin_core.rates.wells import WellRates
@@ -95,7 +96,7 @@ def planning_twin(
         ),
         rates=RateHistory.of(rig, 0.0),
         state_filter=StateFilter(tracer_storage(rig, grid), (grid.dz, grid.dx)),
-        learner=RateLearner(tuple(rig.wells), grid, closed=rig.closed),
+        learner=RateLearner(rate_deviations(rig), grid, closed=rig.closed),
         watch=TracerWatch(rig, grid),
     )
 

@@ -9,19 +9,24 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from porotwin_cli.options.experiment_times import MOST_TIMES
+from porotwin_cli.running.loop_run import PLAN_PRESET
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.text_with_unit import rate_in_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
 from porotwin_core.clock.stamps import SAME_MOMENT_S
 from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
-from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.model.state_filter import StateFilter
 from porotwin_core.rates.bottle import Bottle, bottle_at
+from porotwin_core.rates.delivered_rates import PumpFactor, rate_deviations
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.rate_periods import OPEN_HORIZON_S, RatePeriod
+from porotwin_core.rates.rate_history import RateHistory
+from porotwin_core.rates.rate_periods import OPEN_HORIZON_S, KnownRates, RatePeriod
 from porotwin_core.rates.wells import (
     RateStep,
     Schedule,
@@ -34,6 +39,10 @@ from porotwin_core.rates.wells import (
 from porotwin_core.rig import Rig
 from porotwin_core.rig.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_hub.control.setpoint_limits import Limits
+from porotwin_hub.estimation.rate_learning import RateLearner
+from porotwin_hub.loop.cycle import Observation
+from porotwin_hub.loop.twin import Twin
+from porotwin_hub.models.forecast import no_correction
 from porotwin_imaging.measures.plume_measures import plume_cells
 from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.concentration import ConcentrationMaps
@@ -48,6 +57,8 @@ from porotwin_siblings.proposed_rates import (
 )
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import REACHED_SHARE, ZoneMeasure
+from porotwin_solver.effects import tracer_storage
+from porotwin_solver.model.model import Model
 from porotwin_solver.model.rates_into_sand import rates_of_pumps
 from porotwin_solver.model.water_balance import WaterBalance, water_balance
 
@@ -84,7 +95,7 @@ class WhatIfStudy:
         deviations_known: whether the maps tell deviations.
         objections: limits that the proposal breaks, and from when on; one line each.
         note: on concentrations other than those of rig.yaml, in one line; '' without any.
-        rate_factors: share that each pump delivers, and its standard deviation [-].
+        rate_factors: share that each pump delivers, by well, as a hub believes.
         seconds: wall-clock time of both forecasts [s].
     """
 
@@ -102,7 +113,7 @@ class WhatIfStudy:
     deviations_known: bool
     objections: tuple[str, ...]
     note: str
-    rate_factors: dict[str, tuple[float, float]]
+    rate_factors: dict[str, PumpFactor]
     seconds: float
 
     @property
@@ -307,7 +318,7 @@ def study_what_if(
     maps = recording.grid
     grid = coarse_grid(recording.rig, maps, cells)
     family = Siblings(recording.rig, grid, map_grid=maps, executor=executor, count=siblings)
-    _learn(family, recording, newest, learnt)
+    pumps = _learn(family, recording, newest, learnt)
     after = np.linspace(0.0, ahead, TIMES + 1)[1:]
     maps_after = np.array([ahead / 2.0, ahead])
     clock = time.perf_counter()
@@ -337,7 +348,7 @@ def study_what_if(
         deviations_known=common is not None,
         objections=objections,
         note=concentration_note([present, proposed], recording.rig),
-        rate_factors=family.rate_factors(),
+        rate_factors=pumps,
         seconds=seconds,
     )
 
@@ -409,13 +420,26 @@ def _present_plan(recording: Recording, begin: float, ahead: float) -> tuple[Rat
 
 def _learn(
     family: Siblings, recording: Recording, newest: int, learnt: Callable[[int, int], None]
-) -> None:
-    """Let the siblings learn from the maps up to number `newest`."""
+) -> dict[str, PumpFactor]:
+    """Let the siblings learn from the maps up to number `newest`; return the rate factors.
+
+    A hub beside them learns these. It predicts and does not control.
+    """
     stride = max(1, newest // MOST_TIMES)
     chosen = [*range(newest % stride, newest, stride), newest]
     maps, before = recording.maps, None
     assert maps is not None
     delivered = recording.delivered
+    rig, grid = family.rig, family.grid
+    learner = RateLearner(rate_deviations(rig), grid, closed=rig.closed)
+    hub = Twin(
+        Model(rig, grid, preset=PLAN_PRESET),
+        no_correction,
+        photo_interval=recording_step(recording.times[chosen]),
+        rates=RateHistory.of(rig),
+        state_filter=StateFilter(tracer_storage(rig, grid), (grid.dz, grid.dx)),
+        learner=learner,
+    )
     for count, number in enumerate(chosen, start=1):
         now = float(recording.times[number])
         periods: list[RatePeriod] = (
@@ -423,17 +447,26 @@ def _learn(
             if before is None
             else [RatePeriod(*period) for period in delivered.intervals(before, now)]
         )
-        family.observe(_photograph(maps, number), periods)
+        parts = _map(maps, number)
+        values, *deviations = parts
+        coarse = [
+            one if one is None else conservative_resample(one, grid.shape) for one in deviations
+        ]
+        hub.cycle(
+            Observation(now, conservative_resample(values, grid.shape), *coarse),
+            [KnownRates(begin, begin, told) for begin, _, told in periods],
+        )
+        family.observe(Photograph.of(now, *parts), periods, learner.factors)
         before = now
         learnt(count, len(chosen))
+    return learner.factors
 
 
-def _photograph(maps: ConcentrationMaps, number: int) -> Photograph:
-    """Return a map with its deviations, as far as the recording has them."""
+def _map(maps: ConcentrationMaps, number: int) -> tuple[FloatArray, Any, Any]:
+    """Return a map with its total and systematic deviation, as far as the recording has them."""
     parts = (maps.deviation, maps.systematic)
     told = [None if part is None else np.asarray(part[number], dtype=float) for part in parts]
-    values = np.asarray(maps[number], dtype=float)
-    return Photograph.of(float(maps.times[number]), values, *told)
+    return np.asarray(maps[number], dtype=float), told[0], told[1]
 
 
 def objections_to(

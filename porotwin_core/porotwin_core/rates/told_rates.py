@@ -108,6 +108,19 @@ def doubts_about(rates: WellRates, rig: Rig) -> list[str]:
         for name in control.wells
         if name in rates and to_ml_h(rates[name].rate - SAME_RATE) > control.max_rate_ml_h
     ]
+    slack = to_ml_h(SAME_RATE)
+    together = math.fsum(to_ml_h(rates[name].rate) for name in control.wells if name in rates)
+    taken = math.fsum(-to_ml_h(rates[name].rate) for name in rates if name == control.producer)
+    if not doubts and together - slack > control.most_total_ml_h:
+        doubts.append(
+            f'The control wells inject {together:.1f} ml/h together, more than '
+            f'{control.most_total_words}.'
+        )
+    elif taken - slack > (control.max_producer_rate_ml_h or math.inf):
+        doubts.append(
+            f'{control.producer} takes out {taken:.1f} ml/h, more than its limit of '
+            f'{control.max_producer_rate_ml_h:g} ml/h.'
+        )
     for name, well in control.fixed.items():
         told = to_ml_h(rates[name].rate) if name in rates else 0.0
         if told and not 1 / FAR_OFF <= told / (well.rate_ml_h or 1.0) <= FAR_OFF:

@@ -6,7 +6,7 @@ field is made a float here: a message would send an int as another number.
 
 import array
 import math
-from collections.abc import Callable, Iterable, MutableSequence
+from collections.abc import Callable, Iterable, Mapping, MutableSequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.model.cost_term import CostTerm
 from porotwin_core.model.learnt_physics import LearntPhysics
+from porotwin_core.rates.delivered_rates import PumpFactor
 from porotwin_core.rates.wells import RateStep, WellRate, WellRates
 from porotwin_core.rig import (
     Camera,
@@ -38,6 +39,7 @@ from porotwin_core.ros.from_messages import grid_from_msg as grid_from_msg
 from porotwin_core.ros.from_messages import nanoseconds_from_msg as nanoseconds_from_msg
 from porotwin_core.ros.from_messages import offer_state_from_msg as offer_state_from_msg
 from porotwin_core.ros.from_messages import plan_from_msg as plan_from_msg
+from porotwin_core.ros.from_messages import pumps_from_msg as pumps_from_msg
 from porotwin_core.ros.from_messages import rates_from_msg as rates_from_msg
 from porotwin_core.ros.from_messages import rig_from_msg as rig_from_msg
 from porotwin_core.ros.from_messages import seconds_from_msg as seconds_from_msg
@@ -53,6 +55,7 @@ from porotwin_msgs.msg import (
     Outcome,
     Pause,
     Quantity,
+    RateFactor,
     RigDescription,
     SideHead,
     SourceField,
@@ -158,6 +161,11 @@ def rates_to_msg(rates: WellRates) -> list[WellRateMessage]:
         )
         for name, well in rates.items()
     ]
+
+
+def pumps_to_msg(pumps: Mapping[str, PumpFactor]) -> list[RateFactor]:
+    """Return the rate factors of the pumps."""
+    return [RateFactor(well=well, **pump._asdict()) for well, pump in pumps.items()]
 
 
 def plan_to_msg(plan: Iterable[RateStep]) -> list[RateStepMessage]:

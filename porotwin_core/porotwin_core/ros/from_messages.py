@@ -20,6 +20,7 @@ from porotwin_core.basis.units import MINUTE_S, ML, to_ml_h, to_ml_min
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.geometry.zone_shapes import PictureZone
 from porotwin_core.model.cost_term import CostTerm
+from porotwin_core.rates.delivered_rates import PumpFactor
 from porotwin_core.rates.wells import RateStep, WellRate
 from porotwin_core.rig import SIDES, EffectDescription, ObjectiveDescription, Rig, rig_from_maps
 from porotwin_core.ros.foreign_words import in_short
@@ -163,6 +164,19 @@ def rates_from_msg(messages: Iterable[Any]) -> dict[str, WellRate]:
         except InputError as error:
             raise InputError(f"well '{message.well}': {error}") from None
     return rates
+
+
+def pumps_from_msg(messages: Iterable[Any]) -> dict[str, PumpFactor]:
+    """Return the rate factors of the pumps by well.
+
+    Raises:
+        InputError: a number is not finite or not above 0.
+    """
+    pumps = {one.well: PumpFactor(one.factor, one.deviation, one.metered) for one in messages}
+    for well, pump in pumps.items():
+        if not all(0.0 < number < math.inf for number in pump):
+            raise InputError(f"pump of well '{well}': {tuple(pump)}; send finite numbers above 0")
+    return pumps
 
 
 def plan_from_msg(messages: Iterable[Any]) -> tuple[RateStep, ...]:

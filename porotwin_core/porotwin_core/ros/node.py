@@ -77,6 +77,9 @@ HEARD_BY = 'heard_by'
 ENDED = 'ended'
 """Value in the last diagnostics of a node that leaves because its work is over."""
 
+STALE_AFTER = 'stale_after_s'
+"""Parameter of the supervisor, and value in its diagnostics: longest silence that is none [s]."""
+
 REPORT_S = 60.0
 """Shortest time between two lines about the same doubt [s]."""
 

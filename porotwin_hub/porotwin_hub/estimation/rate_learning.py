@@ -21,7 +21,14 @@ from porotwin_core.geometry.map_blocks import Blocks, error_variance
 from porotwin_core.model.correction import Correction, CorrectionFn
 from porotwin_core.model.state_filter import Estimate, Seen
 from porotwin_core.model.tracer_volume import Volume
-from porotwin_core.rates.delivered_rates import MEMORY_S, RATE_DEVIATION, WINDOW_S, delivered
+from porotwin_core.rates.delivered_rates import (
+    MEMORY_S,
+    RATE_DEVIATION,
+    USUAL_PUMP,
+    WINDOW_S,
+    PumpFactor,
+    delivered,
+)
 from porotwin_core.rates.rate_periods import SAME_RATE, RatePeriod, injected_tracer, joined
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_hub.estimation.pump_watch import (
@@ -60,13 +67,6 @@ MOST_METERED = 2.0
 
 LEAST_COMMANDED = 20 * SAME_RATE
 """Least commanded rate that is compared with a measured one [m^3/s]."""
-
-
-class PumpFactor(NamedTuple):
-    """Delivered over commanded rate [-] and its standard deviation [-]."""
-
-    factor: float
-    deviation: float
 
 
 class _Unset(NamedTuple):
@@ -113,17 +113,18 @@ class _Course:
 
 
 class RateLearner:
-    """Follows the rate factors of all `wells` of a rig."""
+    """Follows the rate factors of all wells of a rig: the only one who estimates them."""
 
-    def __init__(self, wells: Sequence[str], grid: Grid, *, closed: bool) -> None:
+    def __init__(self, deviations: Mapping[str, float], grid: Grid, *, closed: bool) -> None:
         """Know nothing yet.
 
         Args:
-            wells: names of the wells.
+            deviations: of the log of the rate factor before any photograph, by well.
             grid: of the maps.
             closed: whether all sides of the rig are closed.
         """
-        self._wells, self._closed = tuple(wells), closed
+        self._wells, self._closed = tuple(deviations), closed
+        self._prior = np.diag(np.square(list(deviations.values())))
         self._blocks = Blocks.of(grid)
         self._past: deque[_Moment] = deque()
         self._watch = PumpWatch()
@@ -143,7 +144,7 @@ class RateLearner:
         self._unset: dict[str, _Unset] = {}
         self._metered = dict.fromkeys(self._wells, 1.0)
         self._mean = np.zeros(len(self._wells))
-        self._covariance = np.eye(len(self._wells)) * RATE_DEVIATION**2
+        self._covariance = self._prior
 
     @property
     def factors(self) -> dict[str, PumpFactor]:
@@ -153,7 +154,7 @@ class RateLearner:
         """
         deviations = np.sqrt(np.diag(self._covariance))
         return {
-            well: PumpFactor(factor, factor * float(deviation))
+            well: PumpFactor(factor, factor * float(deviation), self._metered[well])
             for (well, factor), deviation in zip(
                 self._with(self._mean).items(), deviations, strict=True
             )
@@ -189,7 +190,7 @@ class RateLearner:
         }
         deviations = [found.deviation for well, found in self.factors.items() if well in wells]
         factor = injected_tracer(pumped) / told if told > 0.0 else 1.0
-        return PumpFactor(factor, max(deviations, default=RATE_DEVIATION))
+        return USUAL_PUMP._replace(factor=factor, deviation=max(deviations, default=RATE_DEVIATION))
 
     def told(self, measured: WellRates) -> WellRates:
         """Return the rates [m^3/s] that pumps are told when their meters show `measured` ones."""
@@ -379,9 +380,8 @@ class RateLearner:
     def _fade(self, elapsed: float) -> None:
         """Let the belief fade to the prior over `elapsed` [s]."""
         keep = math.exp(-elapsed / MEMORY_S)
-        prior = np.eye(len(self._wells)) * RATE_DEVIATION**2
         self._mean = keep * self._mean
-        self._covariance = prior + keep**2 * (self._covariance - prior)
+        self._covariance = self._prior + keep**2 * (self._covariance - self._prior)
 
     def _solve(
         self,

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.state_filter import Seen
+from porotwin_core.rates.delivered_rates import PumpFactor
 from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rates.wells import WellRates
 from porotwin_hub.control.optimisation import Decision
-from porotwin_hub.estimation.rate_learning import PumpFactor
 from porotwin_hub.models.forecast import Forecast
 from porotwin_hub.operator.setpoint_expiry import SetpointDecision
 

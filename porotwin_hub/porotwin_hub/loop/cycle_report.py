@@ -2,9 +2,9 @@
 
 import math
 
-from porotwin_core.ros.conversions import duration_to_msg
+from porotwin_core.ros.conversions import duration_to_msg, pumps_to_msg
 from porotwin_hub.loop.cycle import Cycle
-from porotwin_msgs.msg import CycleReport, NewState, RateFactor
+from porotwin_msgs.msg import CycleReport, NewState
 
 
 def report_of(cycle: Cycle, state: NewState) -> CycleReport:
@@ -27,9 +27,6 @@ def report_of(cycle: Cycle, state: NewState) -> CycleReport:
         corrected=forecast is not None and forecast.is_corrected,
         correction_status=forecast.correction_status if forecast else 'no forecast',
         **durations,
-        rate_factors=[
-            RateFactor(well=well, factor=found.factor, deviation=found.deviation)
-            for well, found in cycle.rate_factors.items()
-        ],
+        rate_factors=pumps_to_msg(cycle.rate_factors),
         remarks=[*cycle.remarks, *cycle.notes],
     )

@@ -2,10 +2,10 @@
 
 from porotwin_core.geometry.grid import FloatArray, fill_unseen
 from porotwin_core.model.state_filter import Estimate, Seen, StateFilter
-from porotwin_core.rates.delivered_rates import RATE_DEVIATION
+from porotwin_core.rates.delivered_rates import USUAL_PUMP
 from porotwin_core.rates.rate_periods import injected_tracer
 from porotwin_core.rig import Rig
-from porotwin_hub.estimation.rate_learning import PumpFactor, RateLearner
+from porotwin_hub.estimation.rate_learning import RateLearner
 from porotwin_hub.loop.cycle import Cycle
 from porotwin_hub.models.forecast import Forecast
 from porotwin_solver.effects import tracer_storage
@@ -71,7 +71,7 @@ class StateEstimation:
     ) -> Estimate:
         if elapsed is None or self.estimate is None:
             return state_filter.begin(seen, expected)
-        pump = PumpFactor(1.0, RATE_DEVIATION)
+        pump = USUAL_PUMP
         if self._learner is not None:
             pump = self._learner.tracer_factor(cycle.periods)
         return state_filter.update(

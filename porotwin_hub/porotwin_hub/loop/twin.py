@@ -17,6 +17,7 @@ from porotwin_core.geometry.grid import relative_error
 from porotwin_core.model.correction import CorrectionFn
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.model.state_filter import StateFilter
+from porotwin_core.rates.delivered_rates import PumpFactor
 from porotwin_core.rates.rate_history import RateHistory
 from porotwin_core.rates.rate_periods import (
     KnownRates,
@@ -32,7 +33,6 @@ from porotwin_core.rig import Rig
 from porotwin_hub.control.controller import Planner
 from porotwin_hub.estimation.rate_learning import (
     DeliveringModel,
-    PumpFactor,
     RateLearner,
     correcting_delivered,
 )

@@ -8,7 +8,7 @@ from numpy.random import Generator
 from porotwin_core.model.blind_draw import DrawContext, DrawnValues, factor_off_one
 from porotwin_core.model.effect_limits import MOST_FACTOR
 from porotwin_core.model.effect_parameter import ONSET, Parameter, Values
-from porotwin_core.rates.delivered_rates import RATE_DEVIATION
+from porotwin_core.rates.delivered_rates import RATE_DEVIATION, rate_deviations
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
@@ -42,10 +42,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 def believed(rig: Rig) -> Sequence[Candidate]:
     """Believe in pumps that deliver as commanded, to RATE_DEVIATION or as far as rig.yaml knows."""
     # by name, so that the order of the wells in rig.yaml changes no draw
-    return [
-        _of_well(name, (well.believed_rate_ml_h or (0.0, RATE_DEVIATION))[1])
-        for name, well in sorted(rig.wells.items())
-    ]
+    return [_of_well(name, deviation) for name, deviation in sorted(rate_deviations(rig).items())]
 
 
 def unknown_rates(rig: Rig, wells: Iterable[str]) -> list[Candidate]:
