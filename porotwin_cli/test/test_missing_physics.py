@@ -1,4 +1,4 @@
-"""The physics that COSTA learns first is that of the diagnosis."""
+"""The diagnosis finds the missing physics for COSTA."""
 
 from pathlib import Path
 

@@ -208,7 +208,7 @@ def train_on_runs(
 def account_of(
     model: CorrectiveModel, experiments: Sequence[Frames], bare: Rig, corrected: CorrectedModel
 ) -> dict[str, Any]:
-    """Return the account of a training in words of physics: what was learnt, and `gap_shares`.
+    """Return the account of a training in words of physics: learnt effects, `gap_shares`.
 
     Args:
         model: the trained model.

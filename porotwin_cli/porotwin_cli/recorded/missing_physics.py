@@ -1,4 +1,4 @@
-"""The physics that a model lacks, as the diagnosis finds it: what COSTA learns first."""
+"""The diagnosis finds the missing physics for COSTA."""
 
 from collections.abc import Callable, Sequence
 
@@ -16,21 +16,21 @@ from porotwin_solver.effects import EFFECTS, described_changes
 from porotwin_solver.service.effects_in_force import in_words
 
 MOST_CELLS = 6_000
-"""Cells of a map that the search keeps: COSTA's fluxes correct what finer ones would tell."""
+"""Most cells of a map in the search. The fluxes of COSTA correct finer errors."""
 
 
 @one_blas_thread()
 def missing_physics(
     recordings: Sequence[Recording], *, crew: Crew, say: Callable[[str], None], progress: Progress
 ) -> tuple[EffectDescription, ...]:
-    """Return the effects that COSTA may learn and `recordings` show, on top of those of the rig.
+    """Return learnable effects in `recordings`, on top of those of the rig.
 
     They are the verdict of the diagnosis, or its nearest explanation where the gap is unexplained.
 
     Args:
         recordings: at least one recording of one rig.
         crew: runs the simulations.
-        say: told what was found, or why nothing can be.
+        say: told the verdict, or the reason for none.
         progress: as in `DiagnosisSettings`.
     """
     settings = DiagnosisSettings(
