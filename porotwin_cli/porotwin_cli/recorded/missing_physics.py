@@ -23,7 +23,7 @@ MOST_CELLS = 6_000
 def missing_physics(
     recordings: Sequence[Recording], *, crew: Crew, say: Callable[[str], None], progress: Progress
 ) -> tuple[EffectDescription, ...]:
-    """Return learnable effects in `recordings`, on top of those of the rig.
+    """Return the learnable effects in `recordings` as changes of the rig.
 
     They are the verdict of the diagnosis, or its nearest explanation where the gap is unexplained.
 
