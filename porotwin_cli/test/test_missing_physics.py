@@ -29,7 +29,9 @@ def test_a_recording_that_is_too_short_shows_no_physics(experiment: Path) -> Non
 @pytest.mark.slow
 def test_sorption_is_found_as_a_change(tmp_path: Path) -> None:
     causes = (EffectDescription(name='retardation', parameters={'retardation_factor': 1.4}),)
-    (change,), told = _found(recorded(tmp_path / 'recording', *causes, grid=SMALL.grid(31, 19)))
+    (change,), told = _found(
+        recorded(tmp_path / 'recording', *causes, grid=SMALL.grid(25, 15), duration=1350, cell=0.01)
+    )
     assert change.name == 'retardation'
     assert change.parameters['retardation_factor'] == pytest.approx(1.4, rel=0.02)
     assert 'retardation' in told[-1]
