@@ -33,5 +33,5 @@ def test_sorption_is_found_as_a_change(tmp_path: Path) -> None:
         recorded(tmp_path / 'recording', *causes, grid=SMALL.grid(25, 15), duration=1350, cell=0.01)
     )
     assert change.name == 'retardation'
-    assert change.parameters['retardation_factor'] == pytest.approx(1.4, rel=0.02)
+    assert change.parameters['retardation_factor'] == pytest.approx(1.4, rel=0.05)  # wide cells
     assert 'retardation' in told[-1]
