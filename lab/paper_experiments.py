@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lab.blind.blind_cases import large_rig
-from porotwin_cli.recorded.costa_data import CorrectedModel, train_on_runs
+from porotwin_cli.recorded.costa_data import CorrectedModel, recording_of, train_on_runs
 from porotwin_cli.running.rehearsal import balanced, training_schedules
 from porotwin_cli.terminal import progress, say
 from porotwin_cli.workspace import small_rig
@@ -186,7 +186,7 @@ def run(make: Callable[[], PaperExperiment], folder: Path, *, seed: int) -> list
     for name in experiment.networks:
         say(f'training the network {name}')
         model = train_on_runs(
-            experiment.seen,
+            [recording_of(frames, experiment.rig) for frames in experiment.seen],
             CorrectedModel(
                 experiment.rig, experiment.grid, experiment.preset, experiment.time_step
             ),

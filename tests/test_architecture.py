@@ -90,7 +90,7 @@ ROOMS = {
         'solver_node',
     ),
     'porotwin_costa': (
-        'data', 'networks', 'correction', 'physics', 'training', 'evaluation',
+        'data', 'networks', 'correction', 'training', 'evaluation',
         'costa_node', 'trainer_node',
     ),
     'porotwin_hub': (

@@ -15,7 +15,7 @@ import numpy as np
 
 from lab.blind.blind_cases import SMALL, small_schedule
 from lab.study import FiguresJob, Study, study_folder
-from porotwin_cli.recorded.costa_data import CorrectedModel, train_on_runs
+from porotwin_cli.recorded.costa_data import CorrectedModel, recording_of, train_on_runs
 from porotwin_cli.running.drawn_effects import drawn
 from porotwin_cli.terminal import print_table
 from porotwin_core.basis.units import from_ml_h
@@ -131,7 +131,7 @@ class PhysicsJob(FiguresJob[PhysicsFigures]):
         grid, preset = SMALL.grid(*GRID), CASES[self.case]
         begun = time.process_time()
         model = train_on_runs(
-            seen,
+            [recording_of(frames, SMALL) for frames in seen],
             CorrectedModel(SMALL, grid, preset, INTERVAL_S),
             TrainingChoice(
                 architecture(self.network),

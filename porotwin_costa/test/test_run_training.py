@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
+from toy_solver import SPEED, STEP_S, MovingTracers, delayed, moving_frames
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import ThreadCrew
@@ -13,6 +13,8 @@ from porotwin_core.rig.sections import LevelCourse
 from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.networks import architecture
 from porotwin_costa.training.run_training import Experiments, TrainingChoice, train_from_runs
+
+QUICK = TrainingChoice(architecture('hybrid').described({'filters': 2}), 3, epochs=1, curriculum=())
 
 
 def _solver(_grid):
@@ -23,8 +25,12 @@ def _slow(_grid):
     return MovingTracers(0.8 * SPEED)
 
 
-def _none(_grid):
+def _none(*_):
     pytest.fail('the work began')
+
+
+def _nothing(_learning, _say):
+    return ()
 
 
 def test_levels_that_change_are_refused_before_the_work(rig, grid):
@@ -40,7 +46,7 @@ def test_levels_that_change_are_refused_before_the_work(rig, grid):
 def test_workers_prepare_the_pairs_of_one_process(rig, grid):
     frames = [moving_frames(grid, count, at=at) for count, at in ((6, 0.2), (4, 0.5))]
     with ThreadCrew(1) as alone, ThreadCrew(2) as pool:
-        here = Experiments(rig, grid, frames, STEP_S, '', _solver, _solver, alone)
+        here = Experiments(rig, grid, frames, STEP_S, '', _solver, _nothing, alone)
         one = here.pairs(frames, LearntPhysics())
         both = replace(here, pool=pool).pairs(frames, LearntPhysics())
     assert np.array_equal(one.residual, both.residual)
@@ -53,8 +59,23 @@ def test_workers_prepare_the_pairs_of_one_process(rig, grid):
 def test_a_sharper_scheme_is_learnt_where_free_runs_need_it(rig, grid, solver, scheme):
     frames = [moving_frames(grid, 12, at=at) for at in (0.2, 0.3)]
     with ThreadCrew(1) as pool:
-        data = Experiments(rig, grid, frames, STEP_S, '', solver, _solver, pool, 'sharper')
-        chosen = architecture('hybrid').described({'filters': 2})
-        model = train_from_runs(data, TrainingChoice(chosen, 3, epochs=1, curriculum=()))
+        data = Experiments(rig, grid, frames, STEP_S, '', solver, _nothing, pool, 'sharper')
+        model = train_from_runs(data, QUICK)
     assert (model.learnt.scheme if model.learnt else '') == scheme
     assert ('the scheme sharper' in model.provenance['gate']['says']) == bool(scheme)
+
+
+@pytest.mark.parametrize(('speed', 'learnt'), [(0.8, True), (1.0, False)])
+def test_found_physics_is_learnt_where_kept_runs_get_better(rig, grid, speed, learnt):
+    frames = [moving_frames(grid, 12, speed=speed * SPEED, at=at) for at in (0.2, 0.3)]
+    asked, delay = [], delayed(1.25)
+
+    def found(learning, _say):
+        asked.extend(one.name for one in learning)
+        return delay.effects
+
+    with ThreadCrew(1) as pool:
+        data = Experiments(rig, grid, frames, STEP_S, '', _solver, found, pool)
+        model = train_from_runs(data, QUICK)
+    assert asked == [frames[0].name]  # the last one judges
+    assert model.learnt == (delay if learnt else None)

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.model.fitted_effect import Candidate, FitParameter
 from porotwin_core.model.learnt_physics import LearntPhysics
-from porotwin_core.model.learnt_solver import Place
 from porotwin_core.rates.wells import Schedule, WellRates
+from porotwin_core.rig import EffectDescription
 from porotwin_costa.data.frames import Frames
 
 STEP_S = 30.0
 SPEED = 0.4
 POROSITY = 0.375
-DELAY = Candidate('retardation', (FitParameter('retardation_factor', '-', 1.0, 0.02, 0.05, 20.0),))
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,9 @@ class MovingTracer:
 
 def delayed(factor: float) -> LearntPhysics:
     """Return learnt physics with this factor on the retardation."""
-    return LearntPhysics((DELAY.described([DELAY.parameters[0].scaled(factor)]),))
+    return LearntPhysics(
+        (EffectDescription(name='retardation', parameters={'retardation_factor': factor}),)
+    )
 
 
 def delay(learnt: LearntPhysics) -> float:
@@ -71,30 +71,6 @@ class MovingTracers:
     def model(self, learnt: LearntPhysics) -> MovingTracer:
         speed = SPEED if learnt.scheme else self.speed
         return MovingTracer(speed / delay(learnt))
-
-    def learnable(
-        self, _duration: float, _strongest_rate: float, place: Place | None = None
-    ) -> list[Candidate]:
-        return [] if place else [DELAY]
-
-    def light(self, learnt: LearntPhysics) -> LearntPhysics:
-        return learnt
-
-    def run(
-        self,
-        learnt: LearntPhysics,
-        _schedule: Schedule,
-        times: FloatArray,
-        *,
-        initial: FloatArray,
-        start: float,
-    ) -> FloatArray:
-        model, now, state, maps = self.model(learnt), start, initial, []
-        for time in times:
-            while now < time - 1e-6:
-                state, now = model.predict(state, {}, STEP_S), now + STEP_S
-            maps.append(state)
-        return np.array(maps)
 
 
 def moving_frames(grid: Grid, count: int, *, speed: float = SPEED, at: float = 0.2) -> Frames:

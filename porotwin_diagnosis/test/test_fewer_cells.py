@@ -8,7 +8,6 @@ import pytest
 
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.rig import load_rig
-from porotwin_diagnosis.data import fewer_cells
 from porotwin_diagnosis.data.fewer_cells import with_fewer_cells
 from porotwin_recording.experiment.recording import Recording
 from porotwin_recording.tables.concentration import ConcentrationMaps, MapSeries
@@ -45,11 +44,10 @@ def test_few_cells_stay_as_they_are() -> None:
 
 
 @pytest.mark.parametrize(('columns', 'rows'), [(40, 24), (41, 25)])
-def test_averages_keep_the_tracer_and_the_hole(monkeypatch, columns: int, rows: int) -> None:
-    monkeypatch.setattr(fewer_cells, 'MOST_CELLS', 300)
+def test_averages_keep_the_tracer_and_the_hole(columns: int, rows: int) -> None:
     told: list[str] = []
     fine = recording(RIG.grid(columns, rows))
-    coarse = with_fewer_cells(fine, told.append)
+    coarse = with_fewer_cells(fine, told.append, most_cells=300)
     maps, before = coarse.present_maps, fine.present_maps
     assert coarse.grid.nx * coarse.grid.nz <= 300
     assert told == [f'run: the maps of {fine.grid} cells are averaged over {coarse.grid} cells']

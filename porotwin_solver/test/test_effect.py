@@ -190,6 +190,3 @@ def test_conventions_of_the_effects() -> None:
     assert those(lambda e: e.is_slow_on_fine_grids) == {'dispersion'}
     assert those(lambda e: e.misfit_allowance == 1.5) == {'viscosity'}
     assert those(lambda e: e.misfit_allowance == 1.0) == set(KNOWN) - {'viscosity'}
-    fingers = EFFECTS['viscosity'].destabilises_fronts
-    assert fingers({'viscosity_ratio': 0.9})
-    assert not fingers({'viscosity_ratio': 1.0})

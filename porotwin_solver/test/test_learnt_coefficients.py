@@ -8,7 +8,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.learnt_physics import LearntPhysics
-from porotwin_core.rates.wells import Schedule, WellRate
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_solver.adjoint.learnt_coefficients import LearntModels
 from porotwin_solver.effects import EFFECTS
@@ -86,39 +86,12 @@ def test_learnt_physics_that_no_rig_can_have_is_refused(
         LearntModels(rig, grid, 'fast').model(learnt)
 
 
-def test_what_may_be_learnt_can_run_and_lies_inside_the_rig(rig: Rig, grid: Grid) -> None:
-    solver = LearntModels(rig, grid, 'fast')
-    for place in (None, (0.3, 0.2)):
-        for part in solver.learnable(3600.0, from_ml_h(500.0), place):
-            low, high = np.array([one.range for one in part.parameters]).T
-            assert (low < np.array(part.first)).all()
-            assert (np.array(part.first) < high).all()
-            solver.model(LearntPhysics((part.described(part.first),)))
-
-
-def test_a_delay_may_be_less_than_described(rig: Rig, grid: Grid) -> None:
-    found = LearntModels(rig, grid, 'fast').learnable(3600.0, 1e-7)
-    (delay,) = (one for one in found if one.effect == 'retardation')
-    assert delay.parameters[0].low < 1.0 < delay.parameters[0].high
-
-
 def test_a_learnt_scheme_takes_the_place_of_the_own_one(rig: Rig, grid: Grid) -> None:
     solver, state = LearntModels(rig, grid, 'upwind'), np.zeros(grid.shape)
     found = solver.model(LearntPhysics(scheme='fast')).predict(state, RATES, 600.0)
     assert np.array_equal(found, Model(rig, grid, preset='fast').predict(state, RATES, 600.0))
     with pytest.raises(InputError, match="preset 'vague'"):
         solver.model(LearntPhysics(scheme='vague'))
-
-
-def test_a_run_is_the_steps_one_after_the_other(rig: Rig, grid: Grid) -> None:
-    solver = LearntModels(rig, grid, 'fast')
-    rates = {name: WellRate(0.2 * well.rate, well.concentration) for name, well in RATES.items()}
-    schedule, start = Schedule.constant(rates), np.zeros(grid.shape)
-    maps = solver.run(EVERYTHING, schedule, np.array([60.0, 120.0]), initial=start, start=0.0)
-    model = solver.model(EVERYTHING)
-    first = model.predict(start, rates, 60.0)
-    assert np.allclose(maps[0], first)
-    assert np.allclose(maps[1], model.predict(first, rates, 60.0))
 
 
 @pytest.mark.parametrize('preset', ['upwind', 'fast'])

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from porotwin_core.basis.discovery import module_names
@@ -11,6 +12,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_solver import effects
 from porotwin_solver.effects import (
     EFFECTS,
+    described_changes,
     described_physics,
     effects_of,
     observation_operator,
@@ -139,6 +141,30 @@ def test_changes_add_to_what_the_physics_has_and_factors_multiply(rig) -> None:
     assert found.longitudinal_dispersivity == pytest.approx(3e-3)
     assert (found.transverse_dispersivity, found.diffusion) == (1e-4, 2e-9)
     assert found.retardation_factor == pytest.approx(1.2)
+
+
+def test_described_effects_do_the_same_as_changes(rig) -> None:
+    own = rig.with_effects(
+        [
+            EFFECTS['buoyancy'].described(density_difference=1.0),
+            EFFECTS['retardation'].described(retardation_factor=1.5),
+        ]
+    )
+    effects = [
+        EFFECTS['buoyancy'].described(density_difference=3.0),
+        EFFECTS['retardation'].described(retardation_factor=1.2),
+        parse_effect('dispersion:longitudinal_dispersivity=2e-3,transverse_dispersivity=1e-4'),
+        parse_effect('viscosity:viscosity_ratio=1.5'),
+    ]
+    grid = own.grid(20, 12)
+    changes = described_changes(own, grid, effects)
+    assert changes[0].parameters == {'density_difference': 2.0}
+    assert 'diffusion' not in changes[2].parameters, 'it stays'
+    wanted = described_physics(own, grid, effects)
+    found = physics_on_top(described_physics(own, grid), changes)
+    for name in ('density_difference', 'viscosity_ratio', 'longitudinal_dispersivity', 'diffusion'):
+        assert getattr(found, name) == getattr(wanted, name)
+    assert np.array_equal(found.retardation_factor, wanted.retardation_factor)
 
 
 @pytest.mark.parametrize('along', [-2e-3, 200.0])

@@ -64,7 +64,6 @@ def command(
     from porotwin_costa.networks import architecture as named
     from porotwin_costa.training.data_parallel import joined
     from porotwin_costa.training.run_training import TrainingChoice
-    from porotwin_solver.effects import EFFECTS
     from porotwin_solver.model.prediction_cost import prediction_cost
 
     refuse_existing(output)
@@ -72,8 +71,8 @@ def command(
     bare = load_rig(rig)
     description = with_effects(bare, effect)
     cells = grid_of(grid, description)
-    experiments = [frames_of(recording, cells) for recording in open_all(recordings, description)]
-    steps = np.concatenate([np.diff(frames.times) for frames in experiments])
+    opened = open_all(recordings, description)
+    steps = np.concatenate([np.diff(recording.times) for recording in opened])
     if not steps.size:
         raise InputError(
             f'{recordings[0]}: holds one map, and COSTA learns from one map to the next; name '
@@ -85,7 +84,7 @@ def command(
     corrected = CorrectedModel(description, cells, preset, time_step)
     with joined() as writes:
         model = train_on_runs(
-            experiments,
+            opened,
             corrected,
             TrainingChoice(network, seed, epochs),
             workers=workers,
@@ -94,6 +93,7 @@ def command(
     if not writes:
         return
     model.save(output)
+    experiments = [frames_of(recording, cells) for recording in opened]
     pairs = dataset_of(experiments, corrected)
     newest(pairs, PAIRS_KEPT).save(pairs_beside(output))
     account = account_of(model, experiments, bare, corrected)
@@ -103,7 +103,4 @@ def command(
             {'output': output, 'learnt_physics': learnt, 'account': account, **model.provenance}
         )
     else:
-        effects = () if model.learnt is None else model.learnt.effects
-        learnt_lines = [f'learnt {EFFECTS[e.name].change_in_words(e.parameters)}' for e in effects]
-        lines = [f'{output}: {model.provenance["gate"]["says"]}', *learnt_lines, *account['says']]
-        print('\n'.join(lines))
+        print('\n'.join([f'{output}: {model.provenance["gate"]["says"]}', *account['says']]))

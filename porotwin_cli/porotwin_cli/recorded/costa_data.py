@@ -1,6 +1,6 @@
 """Training of COSTA from recordings: the one place where it meets the solver."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -8,32 +8,38 @@ from typing import Any
 import numpy as np
 
 from porotwin_cli.recorded.given_twice import refuse_twice
+from porotwin_cli.recorded.missing_physics import missing_physics
 from porotwin_cli.terminal import progress
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import crew
 from porotwin_core.basis.units import percent
-from porotwin_core.geometry.grid import Grid
+from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.model.learnt_physics import LearntPhysics
 from porotwin_core.rates.wells import Schedule
-from porotwin_core.rig import Rig
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_costa.correction.corrective_model import CorrectiveModel
 from porotwin_costa.correction.free_run_gate import Judge, kept_runs
 from porotwin_costa.data.dataset import Dataset
 from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.data.frames import Frames, resampled
+from porotwin_costa.evaluation.learnt_account import gap_shares
 from porotwin_costa.networks import Architecture
-from porotwin_costa.physics.learnt_account import gap_shares, look_alikes
-from porotwin_costa.training.run_training import Experiments, TrainingChoice, train_from_runs
+from porotwin_costa.training.run_training import (
+    Experiments,
+    SayFn,
+    TrainingChoice,
+    train_from_runs,
+)
 from porotwin_costa.training.training import TrainingProgress, train
 from porotwin_recording.experiment.recording import Recording, open_recording
-from porotwin_recording.tables.concentration import open_maps
+from porotwin_recording.tables.concentration import ConcentrationMaps, open_maps
 from porotwin_solver.adjoint.learnt_coefficients import LearntModels
-from porotwin_solver.effects import parse_effect
+from porotwin_solver.effects import EFFECTS, parse_effect
 from porotwin_solver.model.presets import IMPLICIT
 
 PRECISE_PRESET = 'accurate'
-"""Scheme that missing physics is found with, whichever scheme COSTA corrects; learnt physics runs
-with it where free runs gain enough. The paper's implicit model keeps its own."""
+"""Scheme that learnt physics runs with where free runs gain enough. The paper's implicit model
+keeps its own."""
 
 
 def source_name(recording: Recording) -> str:
@@ -54,6 +60,20 @@ def frames_of(recording: Recording, grid: Grid) -> Frames:
         ),
         grid,
     )
+
+
+def recording_of(frames: Frames, rig: Rig) -> Recording:
+    """Return the recording of maps in memory, for experiments on the virtual rig."""
+    nz, nx = frames.concentration.shape[1:]
+
+    def series(values: FloatArray) -> ConcentrationMaps:
+        kept, times = values.astype(np.float32), np.asarray(frames.times, dtype=np.float64)
+        return ConcentrationMaps(times, rig.grid(nx, nz), lambda start, stop: kept[start:stop])
+
+    maps = series(frames.concentration)
+    if frames.deviation is not None:
+        maps = replace(maps, deviation=series(frames.deviation))
+    return Recording(source=Path(frames.name), rig=rig, commanded=frames.schedule, maps=maps)
 
 
 def references_of(
@@ -132,7 +152,7 @@ def dataset_of(experiments: Sequence[Frames], corrected: CorrectedModel) -> Data
 
 
 def train_on_runs(
-    experiments: Sequence[Frames],
+    recordings: Sequence[Recording],
     corrected: CorrectedModel,
     choice: TrainingChoice,
     *,
@@ -141,25 +161,40 @@ def train_on_runs(
 ) -> CorrectiveModel:
     """Return a model trained on single steps and through free runs, with a progress display.
 
-    So many `workers` make free runs and prepare the pairs, here or at the Dask `scheduler`; see
-    `porotwin_core.basis.parallel.crew`.
+    Args:
+        recordings: the recordings to learn from.
+        corrected: the model to correct.
+        choice: how to train.
+        workers: simulations at a time, as in `porotwin_core.basis.parallel.crew`.
+        scheduler: address of a Dask scheduler whose workers do them instead, likewise.
 
     Raises:
         InputError: too few maps, or the model cannot run.
     """
     with crew(workers=workers, scheduler=scheduler, threads=True) as pool, progress() as bar:
+        task = bar.add_task('training COSTA', total=None)
+
+        def missing(learning: Sequence[Frames], say: SayFn) -> Sequence[EffectDescription]:
+            names = {frames.name for frames in learning}
+            shown = [one for one in recordings if source_name(one) in names]
+            return missing_physics(
+                shown,
+                crew=pool,
+                say=say,
+                progress=lambda stage, _: bar.update(task, description=stage),
+            )
+
         data = Experiments(
             corrected.rig,
             corrected.grid,
-            experiments,
+            [frames_of(recording, corrected.grid) for recording in recordings],
             corrected.time_step,
             corrected.preset,
             corrected,
-            replace(corrected, preset=PRECISE_PRESET),
+            missing,
             pool,
             '' if corrected.preset in (IMPLICIT, PRECISE_PRESET) else PRECISE_PRESET,
         )
-        task = bar.add_task('training COSTA', total=None)
         return train_from_runs(
             data,
             choice,
@@ -173,42 +208,32 @@ def train_on_runs(
 def account_of(
     model: CorrectiveModel, experiments: Sequence[Frames], bare: Rig, corrected: CorrectedModel
 ) -> dict[str, Any]:
-    """Return the account of a training in words of physics; see `learnt_account`.
+    """Return the account of a training in words of physics: learnt effects, `gap_shares`.
 
     Args:
         model: the trained model.
-        experiments: the maps that it learnt from.
+        experiments: the maps that it was trained on.
         bare: the rig without the effects that were named.
         corrected: the model to correct.
-
-    `gap_shares` is empty if no effect was named.
 
     Raises:
         InputError: the model cannot run.
     """
-    solver = corrected(model.grid)
-    alike = look_alikes(model, experiments, solver)
-    shares = {}
+    _, kept = kept_runs(experiments, model.architecture.training.validation_share)
+    judge = Judge(corrected(model.grid), kept, model.time_step)
+    without = judge
     if bare != corrected.rig:
-        _, kept = kept_runs(experiments, model.architecture.training.validation_share)
-        bare_judge, judge = (
-            Judge(one(model.grid), kept, model.time_step)
-            for one in (replace(corrected, rig=bare), corrected)
-        )
-        shares = gap_shares(bare_judge, judge, model)
+        without = Judge(replace(corrected, rig=bare)(model.grid), kept, model.time_step)
+    shares = gap_shares(without, judge, model)
+    parts = ', '.join(f'{name} {percent(share)}' for name, share in shares.items() if share)
+    learnt = () if model.learnt is None else model.learnt.effects
     return {
-        'looks_like': dict(alike.shares),
-        'looks_like_nothing': alike.unexplained,
         'gap_shares': shares,
-        'says': [alike.text, *_shares_in_words(shares)],
+        'says': [
+            *(f'learnt {EFFECTS[one.name].change_in_words(one.parameters)}' for one in learnt),
+            f'squared gap of the kept free runs: {parts}',
+        ],
     }
-
-
-def _shares_in_words(shares: Mapping[str, float]) -> list[str]:
-    if not shares:
-        return []
-    parts = ', '.join(f'{name} {percent(share)}' for name, share in shares.items())
-    return [f'squared gap of the kept free runs: {parts}']
 
 
 def with_effects(rig: Rig, effects: Sequence[str]) -> Rig:

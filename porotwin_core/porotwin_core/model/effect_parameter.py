@@ -72,6 +72,10 @@ class Parameter:
         """Return the `present` value after a `change`: times a factor, plus another number."""
         return present + change if self.neutral == 0.0 else present * change
 
+    def change(self, present: float, value: float) -> float:
+        """Return the change that makes `value` of the `present` one; see `on_top`."""
+        return value - present if self.neutral == 0.0 else value / present
+
     def checked(self, where: str, value: object) -> float | str:
         """Return `value` as a float, or as text where the parameter is a name.
 

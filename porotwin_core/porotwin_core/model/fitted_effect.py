@@ -1,4 +1,4 @@
-"""Effects with unknown parameters: for searches, for priors, and for learnt physics."""
+"""Effects with unknown parameters: for searches and for priors."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -62,8 +62,7 @@ class FitParameter:
     def prior_deviation(self) -> float:
         """Prior deviation where the effect may be missing [steps]: PRIOR_STEPS or half the range.
 
-        Diagnosis and COSTA ask it. `believed` of an effect is narrower: it says how far a rig lies
-        from its description.
+        `believed` of an effect is narrower: it says how far a rig lies from its description.
         """
         low, high = self.range
         return min(PRIOR_STEPS, 0.5 * (high - low))

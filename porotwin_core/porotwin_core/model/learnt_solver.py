@@ -5,18 +5,14 @@ class in its parameter `solver`, as Navigation2 loads its planners.
 """
 
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol, cast
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.geometry.grid import FloatArray, Grid
-from porotwin_core.model.fitted_effect import Candidate
 from porotwin_core.model.learnt_physics import LearntPhysics
-from porotwin_core.rates.wells import Schedule, WellRates
+from porotwin_core.rates.wells import WellRates
 from porotwin_core.rig import Rig
-
-Place = tuple[float, float]
-"""(x, z) in the rig [m]."""
 
 
 class StepModel(Protocol):
@@ -49,28 +45,6 @@ class LearntSolver(Protocol):
 
     def model(self, learnt: LearntPhysics) -> StepModel:
         """Return the model with this physics; without any, the model that COSTA corrects."""
-
-    def learnable(
-        self, duration: float, strongest_rate: float, place: Place | None = None
-    ) -> Sequence[Candidate]:
-        """Return the effects that may be learnt: without a place, or trials at `place` [m].
-
-        `duration` [s] is that of the longest experiment, `strongest_rate` [m^3/s] the largest one.
-        """
-
-    def light(self, learnt: LearntPhysics) -> LearntPhysics:
-        """Return the physics without effects that make runs several times as slow."""
-
-    def run(
-        self,
-        learnt: LearntPhysics,
-        schedule: Schedule,
-        times: FloatArray,
-        *,
-        initial: FloatArray,
-        start: float,
-    ) -> FloatArray:
-        """Return the maps (times, nz, nx) of a free run from the map `initial` at `start` [s]."""
 
 
 LearntSolverMaker = Callable[[Rig, Grid, str], LearntSolver]

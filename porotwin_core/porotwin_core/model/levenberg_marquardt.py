@@ -73,14 +73,13 @@ def minimise(
     *,
     iterations: int,
     trials: int = TRIALS,
-    least_gain: float = LEAST_GAIN,
     updated_slopes: bool = False,
 ) -> FloatArray:
     """Return the parameters (p,) with the least sum of squares that at most `iterations` find.
 
     With `updated_slopes` the slopes are taken at `start` only, and updated after every step.
 
-    An iteration that takes less than `least_gain` of the sum is the last one. If the model cannot
+    An iteration that takes less than LEAST_GAIN of the sum is the last one. If the model cannot
     run at a trial step, the step is rejected and a shorter one is tried. If it cannot run at
     `start`, the result is `start` within the `bounds`.
     """
@@ -111,7 +110,7 @@ def minimise(
             slopes = _updated(slopes, trial - parameters, residuals, trial_residuals)
         parameters, residuals, cost = trial, trial_residuals, trial_cost
         damping *= DAMPING_DECAY
-        if gain < least_gain:
+        if gain < LEAST_GAIN:
             break
     return parameters
 

@@ -93,8 +93,8 @@ class Architecture:
     reach can be trained on windows. For a network without one, the mean concentration and the rate
     of each well must lie within the training range (`gate.TrainingRange`).
 
-    With `learns_physics`, coefficients of the physics are learnt before the network, which then
-    corrects the remainder (`physics_learning`).
+    With `learns_physics`, effects of the physics are learnt before the network, which then corrects
+    the remainder (`run_training`).
     """
 
     name: str

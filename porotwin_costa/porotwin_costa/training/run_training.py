@@ -1,4 +1,8 @@
-"""Training from observed maps: physics, network, free runs, gate."""
+"""Training from observed maps: physics, network, free runs, gate.
+
+A search of somebody else tells which physics is missing. What it finds is learnt if kept free runs
+get better by it.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +11,8 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
 from porotwin_core.geometry.grid import Grid
 from porotwin_core.model.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
-from porotwin_core.rig import Rig
+from porotwin_core.model.learnt_solver import LearntSolver
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_costa.correction.corrective_model import CorrectiveModel
 from porotwin_costa.correction.free_run_gate import Judge, gated, kept_runs
 from porotwin_costa.data.dataset import Dataset, join_datasets
@@ -15,7 +20,6 @@ from porotwin_costa.data.dataset_builder import build_dataset
 from porotwin_costa.data.frames import Frames
 from porotwin_costa.data.physics_id import refuse_untaught
 from porotwin_costa.networks import Architecture
-from porotwin_costa.physics.physics_learning import SolverOn, Solvers, learn_physics
 from porotwin_costa.training.rollout_training import CURRICULUM, Stage, train_through_runs
 from porotwin_costa.training.training import ProgressFn, train
 
@@ -23,16 +27,24 @@ SCHEME_GAIN = 0.3
 """Share of the squared error of kept runs that a sharper scheme must take away [-]: its steps cost
 many times as much. Fluxes alone seldom take away as much of it."""
 
+SolverOn = Callable[[Grid], LearntSolver]
+"""Returns a solver on a grid of the rig."""
+
+SayFn = Callable[[str], None]
+"""Tells a person a line about the progress."""
+
+MissingFn = Callable[[Sequence[Frames], SayFn], Sequence[EffectDescription]]
+"""Returns the effects that some experiments show beyond the model, as changes on top of it."""
+
 
 @dataclass(frozen=True)
 class Experiments:
     """Maps to learn from, and the model that COSTA corrects.
 
     `frames` are on `grid`, `time_step` [s] apart; `preset` names the numerical scheme of
-    `solver_on`. `precise_on` has a scheme that hardly errs: missing physics is found with it. The
-    workers of `pool` make free runs, and prepare the pairs, an experiment each. For a pool of other
-    processes, both must be picklable. `sharper` names a scheme that learnt physics may have; empty:
-    none is tried.
+    `solver_on`. `missing` looks for physics that the model lacks. The workers of `pool` prepare the
+    pairs, an experiment each; for a pool of other processes `solver_on` must be picklable.
+    `sharper` names a scheme that learnt physics may have; empty: none is tried.
     """
 
     rig: Rig
@@ -41,7 +53,7 @@ class Experiments:
     time_step: float
     preset: str
     solver_on: SolverOn
-    precise_on: SolverOn
+    missing: MissingFn
     pool: Crew
     sharper: str = ''
 
@@ -102,7 +114,7 @@ def train_from_runs(
     choice: TrainingChoice,
     *,
     progress: ProgressFn = lambda _: None,
-    say: Callable[[str], None] = lambda _: None,
+    say: SayFn = lambda _: None,
 ) -> CorrectiveModel:
     """Return a model trained on single steps and then through free runs, and judged by free runs.
 
@@ -130,14 +142,8 @@ def train_from_runs(
     say(f'model alone: error of the kept free runs {alone:.4f} of the observed maps')
     learnt = LearntPhysics()
     if architecture.learns_physics:
-        learnt = learn_physics(
-            experiments.grid,
-            experiments.frames,
-            Solvers(experiments.precise_on, experiments.solver_on),
-            pool=experiments.pool,
-            say=say,
-        )
-        learnt = _with_scheme(learnt, experiments.sharper, judge, say)
+        found = tuple(experiments.missing(learning, say))
+        learnt = _learnt(found, experiments.sharper, judge, say)
     dataset = experiments.pairs(experiments.frames, learnt)
     model = train(dataset, architecture, settings, seed=choice.seed, progress=progress)
     if learnt != NO_LEARNT_PHYSICS:
@@ -156,17 +162,32 @@ def train_from_runs(
     return model
 
 
-def _with_scheme(
-    learnt: LearntPhysics, sharper: str, judge: Judge, say: Callable[[str], None]
+def _learnt(
+    effects: tuple[EffectDescription, ...], sharper: str, judge: Judge, say: SayFn
 ) -> LearntPhysics:
-    """Return `learnt` with the scheme `sharper`, if kept runs gain enough by it."""
+    """Return `effects` and the scheme `sharper`, each if kept runs gain enough by it.
+
+    The effects are judged with that scheme: the error of a coarse one may hide them.
+    """
+    known = LearntPhysics(scheme=sharper)
+    error = judge.physics_error(known)
+    if effects:
+        more = replace(known, effects=effects)
+        after = judge.physics_error(more)
+        if _gains('the physics found', error, after, 0.0, say):
+            known, error = more, after
+    coarse = replace(known, scheme='')
     if not sharper:
-        return learnt
-    changed = replace(learnt, scheme=sharper)
-    before, after = judge.physics_error(learnt), judge.physics_error(changed)
-    kept = after**2 < (1.0 - SCHEME_GAIN) * before**2
+        return coarse
+    before = judge.physics_error(coarse)
+    return known if _gains(f'scheme {sharper}', before, error, SCHEME_GAIN, say) else coarse
+
+
+def _gains(name: str, before: float, after: float, share: float, say: SayFn) -> bool:
+    """Return whether an error falls so that more than a `share` of its square is gone."""
+    gains = after**2 < (1.0 - share) * before**2
     say(
-        f'scheme {sharper} {"taken" if kept else "not needed"}: error of the kept free runs '
-        f'{after:.4f} instead of {before:.4f}'
+        f'{name} {"taken" if gains else "not needed"}: error of the kept free runs {after:.4f} '
+        f'instead of {before:.4f}'
     )
-    return changed if kept else learnt
+    return gains

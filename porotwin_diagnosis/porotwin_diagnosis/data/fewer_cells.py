@@ -20,9 +20,11 @@ it has 168 000, and a single simulation of the finest level would have 1.5 milli
 
 
 def with_fewer_cells(
-    recording: Recording, tell: Callable[[str], None] = lambda _line: None
+    recording: Recording,
+    tell: Callable[[str], None] = lambda _line: None,
+    most_cells: int = MOST_CELLS,
 ) -> Recording:
-    """Return `recording` with at most `MOST_CELLS` cells per map, and tell it.
+    """Return `recording` with at most `most_cells` cells per map, and tell it.
 
     The files of the recording stay as they are.
 
@@ -34,7 +36,7 @@ def with_fewer_cells(
         InputError: the recording holds no maps.
     """
     maps = recording.present_maps
-    factor = math.ceil(math.sqrt(maps.grid.nx * maps.grid.nz / MOST_CELLS))
+    factor = math.ceil(math.sqrt(maps.grid.nx * maps.grid.nz / most_cells))
     if factor == 1:
         return recording
     rows, columns = (max(1, round(count / factor)) for count in maps.grid.shape)

@@ -74,11 +74,6 @@ def draw(generator: Generator, context: DrawContext) -> DrawnValues:
     return {'density_difference': sign * distance * context.size * context.sinking}
 
 
-def fingers(values: Values) -> bool:
-    """Return whether fronts can finger: above or below water, whichever the density is."""
-    return values['density_difference'] != 0.0
-
-
 EFFECT = Effect(
     name='buoyancy',
     order=20,
@@ -99,6 +94,5 @@ EFFECT = Effect(
     appearance=Appearance.BENDING,
     present=lambda physics: {'density_difference': physics.density_difference},
     believed=believed,
-    destabilises_fronts=fingers,
     is_learnable=True,
 )

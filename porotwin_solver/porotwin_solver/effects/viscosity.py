@@ -38,11 +38,6 @@ def draw(generator: Generator, _context: DrawContext) -> DrawnValues:
     return {'viscosity_ratio': log_uniform(generator, 1.2, 1.7) ** random_sign(generator)}
 
 
-def fingers(values: Values) -> bool:
-    """Return whether the tracer is thinner than water, so that its front fingers."""
-    return float(values['viscosity_ratio']) < 1.0
-
-
 EFFECT = Effect(
     name='viscosity',
     order=30,
@@ -60,7 +55,6 @@ EFFECT = Effect(
     blind_draw=draw,
     appearance=Appearance.BENDING,
     present=lambda physics: {'viscosity_ratio': physics.viscosity_ratio},
-    destabilises_fronts=fingers,
     # The flow is solved on coarser cells. On recordings with a true viscosity the normalised misfit
     # was 0.26 to 0.69, with other true effects half of that.
     misfit_allowance=1.5,

@@ -77,10 +77,6 @@ def _equal_to_none(_values: Values) -> tuple[str, ...]:
     return ()
 
 
-def _never(_values: Values) -> bool:
-    return False
-
-
 def _no_obstacle(_physics: Physics, _parameter: str) -> str:
     return ''
 
@@ -119,10 +115,9 @@ class Effect:
         needs_simulation: without, it acts on maps that are simulated already.
         moves_time: photographs show the rig at another time than they say.
         is_slow_on_fine_grids: a simulation on a large fine grid takes minutes.
-        destabilises_fronts: whether fronts finger with these values.
         misfit_allowance: factor on the misfit that the true effect may leave; above 1 where the
             model computes the effect on coarser cells.
-        is_learnable: COSTA may learn it from free runs, on top of what the model has of it.
+        is_learnable: COSTA may learn it from recordings, on top of what the model has of it.
         gradient_obstacle: returns why the adjoint cannot differentiate by a parameter, with the
             remedy; empty where it can.
 
@@ -153,7 +148,6 @@ class Effect:
     needs_simulation: bool = True
     moves_time: bool = False
     is_slow_on_fine_grids: bool = False
-    destabilises_fronts: Callable[[Values], bool] = _never
     misfit_allowance: float = 1.0
     is_learnable: bool = False
     gradient_obstacle: Callable[[Physics, str], str] = _no_obstacle
@@ -241,6 +235,22 @@ class Effect:
             }
             values = self.checked(total)
         return self.on_physics(physics, values)
+
+    def change(self, physics: Physics, given: Mapping[str, object]) -> EffectDescription:
+        """Return the effect that is `given` as a change of what `physics` has; see `on_top`.
+
+        Raises:
+            InputError: as `checked`.
+        """
+        values = self.checked(given)
+        if self.present is not None:
+            present = self.present(physics)
+            changes = {
+                name: one.change(present[name], float(values[name]))
+                for name, one in self.parameters.items()
+            }
+            values = {n: c for n, c in changes.items() if c != self.parameters[n].neutral}
+        return self.described(**values)
 
     def described(self, **given: float | str) -> EffectDescription:
         """Return the description of the effect with these parameters."""

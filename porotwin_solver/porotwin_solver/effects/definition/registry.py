@@ -104,6 +104,21 @@ def physics_on_top(physics: Physics, changes: Iterable[EffectDescription]) -> Ph
     return physics
 
 
+def described_changes(
+    rig: Rig, grid: Grid, descriptions: Iterable[EffectDescription]
+) -> tuple[EffectDescription, ...]:
+    """Return described effects of `rig` as changes, with which `physics_on_top` does the same.
+
+    Raises:
+        InputError: as `described_physics`.
+    """
+    physics, changes = described_physics(rig, grid), []
+    for described in descriptions:
+        changes.append(effect(described.name).change(physics, described.parameters))
+        physics = changed_physics(physics, [described])
+    return tuple(changes)
+
+
 def observation_operator(
     descriptions: Iterable[EffectDescription], time: float = math.inf
 ) -> ObservationOperator:

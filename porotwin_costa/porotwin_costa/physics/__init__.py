@@ -1,1 +1,0 @@
-"""Physics that COSTA learns before its network learns the remainder."""
