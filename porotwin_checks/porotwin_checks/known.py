@@ -154,6 +154,10 @@ class Known:
 
 
 def stock_in_map(values: FloatArray, rig: Rig) -> float:
-    """Return the volume of stock [m^3] in a map of concentration (nz, nx) [-]; NaN counts as 0."""
+    """Return the volume of stock [m^3] in a map of concentration (nz, nx) [-].
+
+    NaN counts as 0, and so does what shows above the water.
+    """
     rows, columns = values.shape
-    return float(np.nansum(values * tracer_storage(rig, rig.grid(columns, rows))))
+    grid = rig.grid(columns, rows)
+    return float(np.nansum(np.where(rig.wet_sand(grid), values * tracer_storage(rig, grid), 0.0)))

@@ -11,12 +11,14 @@ from recording_examples import controlled_rig
 from porotwin_checks.all_checks import OF_TABLES, remarks_about
 from porotwin_checks.checks.announced_pauses import CHECK as PAUSES
 from porotwin_checks.checks.map_values import CHECK
+from porotwin_checks.checks.rate_limits import CHECK as LIMITS
+from porotwin_checks.checks.unbalanced_rates import CHECK as UNBALANCED
 from porotwin_checks.known import Known
 from porotwin_core.basis.remark import Remark
-from porotwin_core.basis.units import ML, from_ml_h
+from porotwin_core.basis.units import ML, from_ml_h, to_ml_h
 from porotwin_core.model.gauge_reading import GaugeKind, GaugeReading
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
-from porotwin_core.rig import Rig
+from porotwin_core.rig import Boundaries, Rig
 from porotwin_core.rig.control_section import FixedWell
 
 
@@ -74,6 +76,28 @@ def test_a_usual_recording_is_not_odd() -> None:
 def test_rates_that_the_control_section_does_not_allow_are_odd() -> None:
     found = list(found_in(recording(rate_ml_h=400.0)))
     assert [remark.code for remark in found] == ['rate_limits']
+
+
+def test_a_rate_at_its_limit_is_not_odd() -> None:
+    """107.4 ml/h becomes a little more in SI and back."""
+    rates = ScheduleRow(0.0, 'in', WellRate(from_ml_h(107.4)))
+    rig = with_control(wells=('in',), fixed={}, max_rate_ml_h=107.4, max_total_rate_ml_h=107.4)
+    assert to_ml_h(rates.rate.rate) > 107.4
+    assert list(LIMITS.find(Known(rig=rig, commanded=Schedule((rates,))))) == []
+
+
+def test_measured_rates_that_a_closed_rig_cannot_have_are_told() -> None:
+    """The model runs with them."""
+    data = recording()
+    rig = data.rig.model_copy(update={'boundaries': Boundaries(top='closed'), 'control': None})
+    told, measured = (
+        Schedule.from_rates([(0.0, {'in': WellRate(from_ml_h(a)), 'out': WellRate(from_ml_h(b))})])
+        for a, b in ((300.0, -300.0), (301.0, -298.0))
+    )
+    known = Known(rig=rig, commanded=told, measured=measured, pumped=measured)
+    (found,) = UNBALANCED.find(known)
+    assert found.facts['sum_ml_h'] == pytest.approx(3.0)
+    assert not list(UNBALANCED.find(replace(known, measured=None, pumped=told)))
 
 
 def test_a_producer_that_injects_is_odd() -> None:

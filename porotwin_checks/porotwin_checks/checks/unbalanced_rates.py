@@ -21,14 +21,18 @@ UNBALANCED = (
 
 
 def _find(known: Known) -> Iterator[Remark]:
-    """Yield a remark about the first time with a sum that is not zero."""
-    assert known.commanded is not None
+    """Yield a remark about the first time with a sum that is not zero.
+
+    The model runs with the rates that were measured, where somebody measured them.
+    """
+    rates = known.pumped or known.commanded
+    assert rates is not None
     running: dict[str, float] = {}
-    for time, changes in itertools.groupby(known.commanded.rows, attrgetter('time')):
+    for time, changes in itertools.groupby(rates.rows, attrgetter('time')):
         running |= {row.well: row.rate.rate for row in changes}
         net, total = math.fsum(running.values()), math.fsum(map(abs, running.values()))
         if known.rig.closed and abs(net) > ROUND_OFF * total:
-            key, facts = f'rates.csv at {time:g} s', {'time_s': time, 'sum_ml_h': to_ml_h(net)}
+            key, facts = f'rates at {time:g} s', {'time_s': time, 'sum_ml_h': to_ml_h(net)}
             yield Remark.of(key, 'unbalanced_rates', UNBALANCED, **facts)
             return
 
