@@ -48,12 +48,12 @@ def command(
     """
     from contextlib import nullcontext
 
+    from porotwin_cli.options.given_effects import given_effects
     from porotwin_cli.recorded.costa_data import (
         frames_of,
         open_all,
         references_of,
         source_name,
-        with_effects,
     )
     from porotwin_cli.recorded.evaluated_maps import EvaluatedMaps
     from porotwin_core.model.learnt_physics import LearntPhysics
@@ -70,7 +70,7 @@ def command(
     learned = CorrectiveModel.load(model)
     experiments = open_all(recordings, load_rig(rig) if rig is not None else None)
     for recording in experiments:
-        nominal = with_effects(recording.rig, effect)
+        nominal = recording.rig.with_effects(given_effects(effect, recording.rig))
         try:
             learned.for_physics(nominal, learned.grid, preset)
         except InputError as error:

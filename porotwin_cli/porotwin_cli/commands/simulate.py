@@ -91,13 +91,14 @@ def command(
     """
     from scipy.ndimage import gaussian_filter
 
+    from porotwin_cli.options.given_effects import given_effects
     from porotwin_cli.options.grids import coupled_flow_seconds, grid_of, tell_cost
     from porotwin_cli.options.output_files import check_output, maker, maps_are_kept
     from porotwin_cli.pictures.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
     from porotwin_cli.recorded.run_course import run_course
     from porotwin_recording.experiment.recording import open_recording
     from porotwin_recording.tables.concentration import ConcentrationWriter, MapOrigin
-    from porotwin_solver.effects import described_physics, parse_effects
+    from porotwin_solver.effects import described_physics
     from porotwin_solver.model.free_run_step import longest_free_step
     from porotwin_solver.model.prediction_cost import prediction_cost
     from porotwin_solver.model.presets import free_run_preset
@@ -113,7 +114,7 @@ def command(
     moments = _parse_times(times) if times else recorded_times(recording, option=TIMES_OPTION)
     recorded = recording.grid if recording.maps is not None else rig.default_grid()
     cells = grid_of(grid, rig, MOST_CELLS) if grid else recorded
-    effects = parse_effects(effect or [])
+    effects = given_effects(effect or [], rig)
     last = max(moments, default=0.0)
     rates = schedule.busiest
     physics = described_physics(rig, cells, effects)

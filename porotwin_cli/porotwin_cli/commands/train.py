@@ -49,6 +49,7 @@ def command(
     """
     import numpy as np
 
+    from porotwin_cli.options.given_effects import given_effects
     from porotwin_cli.options.grids import grid_of, tell_cost
     from porotwin_cli.recorded.costa_data import (
         CorrectedModel,
@@ -57,7 +58,6 @@ def command(
         frames_of,
         open_all,
         train_on_runs,
-        with_effects,
     )
     from porotwin_core.rig import load_rig
     from porotwin_costa.data.dataset import newest, pairs_beside
@@ -69,7 +69,7 @@ def command(
     refuse_existing(output)
     network = named(architecture)
     bare = load_rig(rig)
-    description = with_effects(bare, effect)
+    description = bare.with_effects(given_effects(effect, bare))
     cells = grid_of(grid, description)
     opened = open_all(recordings, description)
     steps = np.concatenate([np.diff(recording.times) for recording in opened])

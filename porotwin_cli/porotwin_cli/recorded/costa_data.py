@@ -34,7 +34,7 @@ from porotwin_costa.training.training import TrainingProgress, train
 from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_recording.tables.concentration import ConcentrationMaps, open_maps
 from porotwin_solver.adjoint.learnt_coefficients import LearntModels
-from porotwin_solver.effects import EFFECTS, parse_effect
+from porotwin_solver.effects import EFFECTS
 from porotwin_solver.model.presets import IMPLICIT
 
 PRECISE_PRESET = 'accurate'
@@ -234,15 +234,6 @@ def account_of(
             f'squared gap of the kept free runs: {parts}',
         ],
     }
-
-
-def with_effects(rig: Rig, effects: Sequence[str]) -> Rig:
-    """Return `rig` with further effects, each written as `NAME:PARAM=VALUE,PARAM=VALUE`.
-
-    Raises:
-        InputError: an unknown effect or parameter.
-    """
-    return rig.with_effects([parse_effect(text) for text in effects])
 
 
 def train_with_progress(

@@ -1,0 +1,24 @@
+"""Tests of the effects that a command is given."""
+
+import pytest
+
+from porotwin_cli.options.given_effects import given_effects
+from porotwin_cli.workspace import small_rig
+from porotwin_core.basis.errors import InputError
+from porotwin_core.rig import load_rig
+
+
+@pytest.mark.parametrize(
+    'texts',
+    [['leak:x=0.5,z=0.2,rate=1e6'], ['porosity:factor=0.8', 'porosity:factor=0.8']],
+)
+def test_effects_that_no_rig_file_may_hold_are_refused(texts: list[str]) -> None:
+    with pytest.raises(InputError, match='leak|porosity'):
+        given_effects(texts, load_rig(small_rig()))
+
+
+def test_two_leaks_are_given_in_their_order() -> None:
+    found = given_effects(
+        ['leak:x=0.5,z=0.2,rate=10', 'leak:x=0.1,z=0.2,rate=5'], load_rig(small_rig())
+    )
+    assert [one.parameters['rate'] for one in found] == [10.0, 5.0]
