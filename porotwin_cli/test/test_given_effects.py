@@ -13,7 +13,7 @@ from porotwin_core.rig import load_rig
     [['leak:x=0.5,z=0.2,rate=1e6'], ['porosity:factor=0.8', 'porosity:factor=0.8']],
 )
 def test_effects_that_no_rig_file_may_hold_are_refused(texts: list[str]) -> None:
-    with pytest.raises(InputError, match='leak|porosity'):
+    with pytest.raises(InputError, match=r'leak|porosity'):
         given_effects(texts, load_rig(small_rig()))
 
 

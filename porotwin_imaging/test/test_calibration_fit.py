@@ -14,6 +14,7 @@ from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.calibrating.calibration_fit import (
     CalibrationFit,
     DilutionPhoto,
+    Source,
     fit_calibration,
 )
 from porotwin_imaging.calibrating.calibration_pictures import write_fit
@@ -77,7 +78,7 @@ def fit(injection) -> CalibrationFit:
         [injection.empty],
         iter(states),
         schedule=injection.schedule(),
-        source='test',
+        source=Source('test'),
     )
 
 
@@ -113,6 +114,18 @@ def test_a_wrong_pump_log_changes_the_mass_factor_and_not_the_maps(injection) ->
     assert fit.calibration.response.concentration_of(np.array([fit.stock_signal])) == pytest.approx(
         [1.0], abs=0.01
     )
+
+
+def test_the_storage_of_the_described_effects_counts(injection) -> None:
+    rig = injection.rig
+    fit = fit_calibration(
+        rig,
+        [injection.empty],
+        injection.states,
+        schedule=injection.schedule(3.0),
+        storage=lambda grid: 3.0 * rig.cell_pore_volume(grid),
+    )
+    assert fit.evidence.mass_factor == pytest.approx(1.0, rel=0.05)
 
 
 def test_remaining_light_away_from_the_plume_is_no_tracer(

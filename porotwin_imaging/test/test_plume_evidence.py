@@ -24,6 +24,7 @@ RIG = Rig.model_validate(
     }
 )
 GRID = RIG.grid(100, 60)
+PORES = RIG.cell_pore_volume(GRID)
 TIMES = [600.0, 1200.0, 1800.0]
 RATE = from_ml_h(400.0)
 
@@ -43,7 +44,7 @@ def log(well: str = 'left', concentration: float = 1.0, factor: float = 1.0) -> 
 def evidence(schedule: Schedule | None, signals=None):
     if signals is None:
         signals = [disc(RATE * time) for time in TIMES]
-    return plume_evidence(signals, TIMES, rig=RIG, grid=GRID, schedule=schedule)
+    return plume_evidence(signals, TIMES, RIG, PORES, grid=GRID, schedule=schedule)
 
 
 def test_the_plume_fills_the_injected_volume_whatever_the_level_of_its_signal() -> None:
@@ -93,7 +94,7 @@ def test_a_hand_in_one_photograph_does_not_change_the_volume() -> None:
     signals[1] = np.where(GRID.x[None, :] > 0.5, 0.7, signals[1])
     times = [600.0, 1200.0, 1500.0, 1800.0]
     more = [*signals[:2], disc(RATE * 1500.0), signals[2]]
-    found = plume_evidence(more, times, rig=RIG, grid=GRID, schedule=log())
+    found = plume_evidence(more, times, RIG, PORES, grid=GRID, schedule=log())
     assert found.filled == pytest.approx(1.0, abs=0.05)
 
 

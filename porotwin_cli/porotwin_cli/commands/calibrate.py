@@ -126,9 +126,10 @@ def _calibrated(
         InputError: the photographs or rates are wrong, or `target` may not be written.
         WorkFailed: the calibration cannot be trusted.
     """
-    from porotwin_imaging.calibrating.calibration_fit import DilutionPhoto, fit_calibration
+    from porotwin_imaging.calibrating.calibration_fit import DilutionPhoto, Source, fit_calibration
     from porotwin_imaging.calibrating.calibration_pictures import write_fit
     from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
+    from porotwin_solver.effects import tracer_storage
     from porotwin_solver.model.plume_model import plume_model
 
     rig, photos = recording.rig, recording.photos
@@ -147,8 +148,8 @@ def _calibrated(
             ],
             contrast=contrast,
             plumes=partial(plume_model, rig, schedule) if schedule else None,
-            source=recording.source.resolve().name,
-            rates_file=rates_file,
+            source=Source(recording.source.resolve().name, rates_file),
+            storage=partial(tracer_storage, rig),
             progress=say,
             baseline_names=[
                 str(recording.source / photo.name) for photo in photos if photo.role == 'baseline'

@@ -136,6 +136,19 @@ class CalibrationFit:
     depths: tuple[Array, ...]
 
 
+@dataclass(frozen=True)
+class Source:
+    """Where an injection was recorded.
+
+    Attributes:
+        name: of the experiment, for the file.
+        rates_file: name of the file with the injected rates, for messages.
+    """
+
+    name: str = ''
+    rates_file: str = RATES_FILE
+
+
 def fit_calibration(
     rig: Rig,
     baselines: Sequence[bytes],
@@ -145,8 +158,8 @@ def fit_calibration(
     dilutions: Sequence[DilutionPhoto] = (),
     contrast: Contrast | None = None,
     plumes: Callable[[Sequence[float], int], PlumeModel] | None = None,
-    source: str = '',
-    rates_file: str = RATES_FILE,
+    source: Source = Source(),
+    storage: Callable[[Grid], Array] | None = None,
     progress: Callable[[str], None] = lambda _: None,
     baseline_names: Sequence[str] = (),
     samples: Sequence[Callable[[], bytes]] = (),
@@ -165,8 +178,9 @@ def fit_calibration(
         contrast: 'absorbance' or 'difference'; None: the one that the colours prefer.
         plumes: returns the modelled injection at times [s] with at most a number of cells; None:
             fronts are not compared.
-        source: name of the experiment, for the file.
-        rates_file: name of the file with the injected rates, for messages.
+        source: where the injection was recorded.
+        storage: returns the stock of each cell of a grid per unit of concentration [m^3], (nz, nx);
+            None: its pores as described.
         progress: called with a line for each photograph.
         baseline_names: names of the files of the baselines, for messages.
         samples: functions that read photographs of the injection; a few of them are called, to find
@@ -188,7 +202,9 @@ def fit_calibration(
         progress=progress,
     )
     lines = [*seen.lines]
-    injection = _Injection(rig, grid, seen, schedule, rates_file)
+    injection = _Injection(
+        rig, grid, seen, schedule, source.rates_file, storage or rig.cell_pore_volume
+    )
     with refusal_with(lines):
         plumes_seen = _photographed_plumes(injection, contrast)
     lines.append(plumes_seen.choice.line)
@@ -201,7 +217,7 @@ def fit_calibration(
             plumes_seen.signals,
             injection.integrals(plumes_seen.tracer),
             injection.injected,
-            rates_file,
+            source.rates_file,
         )
     known = [Dilution(signal / stock.level, concentration) for concentration, signal in diluted]
     fitted = _response_fit(injection, plumes_seen, stock, known)
@@ -227,12 +243,14 @@ def fit_calibration(
     evidence = _evidence(
         injection, plumes_seen, stock, response, fronts, known, dilutions, systematic
     )
-    plume = plume_evidence(plumes_seen.signals, seen.times, rig=rig, grid=grid, schedule=schedule)
+    plume = plume_evidence(
+        plumes_seen.signals, seen.times, rig, injection.volume, grid=grid, schedule=schedule
+    )
     edges = sand_edges(seen.baseline.mask.unlit)
     remarks = judged(evidence, plume, edges, seen.cover)
     lines += [*evidence_lines(evidence), *(str(one) for one in remarks if not one.refused)]
     return CalibrationFit(
-        calibration=replace(calibration, made=_origin(source, rig, evidence)),
+        calibration=replace(calibration, made=_origin(source.name, rig, evidence)),
         evidence=evidence,
         remarks=remarks,
         lines=lines,
@@ -257,6 +275,7 @@ class _Injection:
         seen: the photographs.
         schedule: the pump log, None without one.
         rates_file: its name, for messages.
+        storage: see `fit_calibration`.
     """
 
     rig: Rig
@@ -264,11 +283,12 @@ class _Injection:
     seen: ComparedInjection
     schedule: Schedule | None
     rates_file: str
+    storage: Callable[[Grid], Array]
 
     @cached_property
     def volume(self) -> Array:
-        """Pore volume of the cells [m^3], (nz, nx)."""
-        return self.rig.cell_pore_volume(self.grid)
+        """Stock of the cells per unit of concentration [m^3], (nz, nx)."""
+        return self.storage(self.grid)
 
     @cached_property
     def injected(self) -> list[float]:

@@ -76,8 +76,9 @@ class PlumeEvidence:
 def plume_evidence(
     signals: Sequence[Array],
     times: Sequence[float],
-    *,
     rig: Rig,
+    storage: Array,
+    *,
     grid: Grid,
     schedule: Schedule | None,
 ) -> PlumeEvidence:
@@ -89,6 +90,7 @@ def plume_evidence(
         signals: signal times sand factor of each photograph, shape (nz, nx), NaN where hidden.
         times: exposure times [s], ascending.
         rig: the rig with its wells.
+        storage: stock of each cell per unit of concentration [m^3], (nz, nx).
         grid: the grid of the signals.
         schedule: the pump log, None if it is not known.
     """
@@ -102,7 +104,7 @@ def plume_evidence(
     fluids = [_fluid(schedule, time) for time in times[:count]]
     fluid = max(fluids)
     return PlumeEvidence(
-        pore_volume=fluid * _filled([region for region, _ in found], fluids, rig, grid),
+        pore_volume=fluid * _filled([region for region, _ in found], fluids, storage),
         fluid=fluid,
         strongest=max((row.rate.concentration for row in rows), default=math.nan),
         told_wells=told,
@@ -172,9 +174,8 @@ def _fluid(schedule: Schedule | None, until: float) -> float:
     )
 
 
-def _filled(regions: Sequence[Mask], fluids: Sequence[float], rig: Rig, grid: Grid) -> float:
+def _filled(regions: Sequence[Mask], fluids: Sequence[float], volume: Array) -> float:
     """Return the median ratio of filled pores to injected fluid; NaN without plume or fluid."""
-    volume = rig.cell_pore_volume(grid)
     ratios = [
         float(volume[region].sum()) / fluid
         for region, fluid in zip(regions, fluids, strict=True)
