@@ -32,7 +32,7 @@ def test_missing_parameters_take_their_default() -> None:
         ({'well': 'a'}, r"effect slow: parameter 'factor' \[-\] is missing"),
         ({'well': 1.0, 'factor': 1.0}, 'effect slow: well = 1.0: give a name'),
         ({'well': 'a', 'factor': 'big'}, "factor = 'big': give a number"),
-        ({'well': 'a', 'factor': float('nan')}, 'factor = nan: give a finite number'),
+        ({'well': 'a', 'factor': float('nan')}, 'factor = nan: give a number'),
         ({'well': 'a', 'factor': 0.0}, 'factor = 0: must be greater than 0'),
         ({'well': 'a', 'factor': 6.0}, 'factor = 6: must be at most 5'),
         ({'well': 'a', 'factor': 1.0, 'delay': -1.0}, 'delay = -1: must be at least 0'),

@@ -1,5 +1,6 @@
 """./porotwin pumps: the lines to the pumps, without a device."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,7 @@ def command(
 
     Example: ./porotwin pumps rig.yaml pumps.yaml --rate control1=200
     """
+    from porotwin_core.basis.text_with_unit import told_rate_ml_h
     from porotwin_core.basis.units import from_ml_h
     from porotwin_core.rates.safe_rates import safe_rates
     from porotwin_core.rates.wells import WellRate, net_rate
@@ -38,10 +40,9 @@ def command(
     rates = safe_rates(described)
     for words in rate or []:
         well, _, text = words.partition('=')
-        try:
-            number = float(text)
-        except ValueError:
-            raise InputError(f"--rate {words}: '{text}' is no number; write WELL=RATE") from None
+        number = told_rate_ml_h(text)
+        if not math.isfinite(number):
+            raise InputError(f"--rate {words}: '{text}' is no rate; write WELL=RATE")
         if well not in rates:
             raise InputError(f"--rate {words}: well '{well}' is not in rig.yaml")
         rates[well] = WellRate(from_ml_h(number), rates[well].concentration)

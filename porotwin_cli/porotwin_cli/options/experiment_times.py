@@ -4,6 +4,7 @@ import math
 from typing import TYPE_CHECKING
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.text_with_unit import plain_number
 from porotwin_core.clock.photo_interval import USUAL_PHOTO_INTERVAL_S
 
 if TYPE_CHECKING:
@@ -52,8 +53,5 @@ def times_in(text: str, count: int) -> tuple[float, ...]:
 
     A comparison with NaN is false, so that the check of the numbers refuses a wrong form too.
     """
-    try:
-        times = tuple(map(float, text.split(':')))
-    except ValueError:
-        times = ()
+    times = tuple(map(plain_number, text.split(':')))
     return times if len(times) == count else (math.nan,) * count

@@ -16,7 +16,7 @@ import numpy as np
 from porotwin_cli.options.experiment_times import MOST_TIMES
 from porotwin_cli.running.loop_run import PLAN_PRESET
 from porotwin_core.basis.errors import InputError
-from porotwin_core.basis.text_with_unit import rate_in_ml_h
+from porotwin_core.basis.text_with_unit import plain_number, told_rate_ml_h
 from porotwin_core.basis.units import DAY_S, HOUR_S, MINUTE_S, from_ml_h
 from porotwin_core.clock.stamps import SAME_MOMENT_S
 from porotwin_core.clock.time_units import MINUTES, TimeUnit, time_unit
@@ -161,10 +161,7 @@ def seconds_of(text: str) -> float:
             break
     else:
         number, factor = text, 1.0
-    try:
-        seconds = float(number) * factor
-    except ValueError:
-        seconds = np.nan
+    seconds = plain_number(number) * factor
     if not 0.0 <= seconds < np.inf:
         fault = 'is negative; ' if seconds < 0.0 else ''
         raise InputError(f"time '{text}': {fault}write a number and s, min, h or d, like 35min")
@@ -196,11 +193,7 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
             )
         if well in rates:
             raise InputError(f"rates '{text}': names {well} twice; give it one rate")
-        try:
-            told = rate_in_ml_h(number)
-            rate = from_ml_h(float(number) if told is None else told)
-        except ValueError:
-            rate = np.nan
+        rate = from_ml_h(told_rate_ml_h(number))
         if not (well and equals and np.isfinite(rate)):
             raise InputError(f"rates '{text}': write WELL=ML_H, like {next(iter(rig.wells))}=300")
         rates[well] = WellRate(
@@ -211,10 +204,7 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
 
 def _concentration(text: str, fluid: str) -> float:
     """Return the concentration [-] in the text `fluid` of the rates `text`."""
-    try:
-        concentration = float(fluid)
-    except ValueError:
-        concentration = np.nan
+    concentration = plain_number(fluid)
     if not 0.0 <= concentration <= 1.0:
         raise InputError(
             f"rates '{text}': concentration '{fluid}' must be from 0, which is water, to 1, which "

@@ -66,6 +66,12 @@ def rate_in_ml_h(text: str) -> float | None:
     return _converted(found[1], unit, 'ml/h')
 
 
+def told_rate_ml_h(text: str) -> float:
+    """Return the rate [ml/h] in `text`, with a unit or a number alone; NaN for other texts."""
+    with_unit = rate_in_ml_h(text)
+    return plain_number(text) if with_unit is None else with_unit
+
+
 def length_in_m(text: str) -> float | None:
     """Return the length [m] in a `text` with a unit, such as 48 cm; None for any other text."""
     found = _LENGTH.fullmatch(text)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.likely_name import did_you_mean
 from porotwin_core.basis.plausibility import LENGTHS
+from porotwin_core.basis.text_with_unit import plain_number
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
 from porotwin_core.rig import EffectDescription
 
@@ -88,11 +89,11 @@ class Parameter:
                 raise InputError(f'{where} = {value}: give a name')
             return value
         try:
-            number = float(value)  # type: ignore[arg-type]
+            number = plain_number(value) if isinstance(value, str) else float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
-            raise InputError(f'{where} = {value!r}: give a number [{self.unit}]') from None
+            number = math.nan
         if not math.isfinite(number):
-            raise InputError(f'{where} = {number}: give a finite number [{self.unit}]')
+            raise InputError(f'{where} = {value!r}: give a number [{self.unit}]')
         if number <= self.above:
             raise InputError(f'{where} = {number:.6g}: must be greater than {self.above:g}')
         if not self.low <= number <= self.high:

@@ -18,6 +18,7 @@ from porotwin_core.basis.photo_list import (
     read_photo_list,
     stays_inside,
 )
+from porotwin_core.basis.regular_file import read_regular
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S
 from porotwin_core.basis.whole_file import whole_file
 
@@ -49,11 +50,10 @@ class Photo:
     @property
     def is_virtual(self) -> bool:
         """Whether the virtual rig took it, by the head of its file; False if it is not readable."""
-        with contextlib.suppress(OSError):
-            if self.path is None:
-                return VIRTUAL_CAMERA.encode() in self.read()[: io.DEFAULT_BUFFER_SIZE]
-            with self.path.open('rb') as file:
-                return VIRTUAL_CAMERA.encode() in file.read(io.DEFAULT_BUFFER_SIZE)
+        first = io.DEFAULT_BUFFER_SIZE
+        with contextlib.suppress(OSError, InputError):
+            head = self.read()[:first] if self.path is None else read_regular(self.path, first)
+            return VIRTUAL_CAMERA.encode() in head
         return False
 
 

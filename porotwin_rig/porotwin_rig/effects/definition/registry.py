@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from porotwin_core.basis.discovery import discovered
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.plausibility import rate_remark
+from porotwin_core.basis.text_with_unit import plain_number
 from porotwin_core.model.effect_parameter import (
     Values,
     check_places,
@@ -154,10 +155,7 @@ def parse_effects(text: str) -> tuple[EffectDescription, ...]:
 
 
 def _value(text: str) -> float | str:
-    try:
-        number = float(text)
-    except ValueError:
-        return text
+    number = plain_number(text)
     return number if math.isfinite(number) else text
 
 
