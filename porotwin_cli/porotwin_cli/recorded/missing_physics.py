@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from porotwin_core.basis.blas_threads import one_blas_thread
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.parallel import Crew
-from porotwin_core.basis.units import percent
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.false_cells import without_false_cells
 from porotwin_diagnosis.data.fewer_cells import with_fewer_cells
@@ -31,7 +30,8 @@ def missing_physics(
     Args:
         recordings: at least one recording of one rig.
         crew: runs the simulations.
-        say: told the verdict, or the reason for none.
+        say: told the effects, or the reason for none. It hears no confidence: a pump that delivers
+            less may look like sorption to a search that must not name it.
         progress: as in `DiagnosisSettings`.
     """
     settings = DiagnosisSettings(
@@ -50,8 +50,11 @@ def missing_physics(
     except InputError as error:
         say(f'no physics is learnt: {error}')
         return ()
-    verdict = judged.verdict
-    effects = verdict.model.effects
-    say(f'diagnosis: {verdict.name}, confidence {percent(verdict.confidence)}: {in_words(effects)}')
+    effects = judged.verdict.model.effects
+    found = in_words(effects) if effects else 'none'
+    say(
+        f'physics that COSTA may learn: {found}; ./porotwin diagnose also tries what it may not '
+        'learn, such as pumps and the camera'
+    )
     rig = recordings[0].rig
     return described_changes(rig, rig.default_grid(), effects)
