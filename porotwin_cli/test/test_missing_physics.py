@@ -34,4 +34,4 @@ def test_sorption_is_found_as_a_change(tmp_path: Path) -> None:
     )
     assert change.name == 'retardation'
     assert change.parameters['retardation_factor'] == pytest.approx(1.4, rel=0.05)  # wide cells
-    assert 'retardation' in told[-1]
+    assert 'sorbs' in told[-1]
