@@ -17,6 +17,7 @@ from porotwin_diagnosis.examine import DiagnosisSettings, examine
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.effects import EFFECTS, parse_effect
 
 SMALL_RIG = Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
@@ -33,15 +34,13 @@ schedule = Schedule.constant(
 with tempfile.TemporaryDirectory() as folder:
     make_experiment(
         Path(folder) / 'recording',
-        rig,
+        VirtualRig(rig, effects=[parse_effect('porosity:factor=0.88')], cell=0.004),
         commanded=schedule,
         duration=2700.0,
         photo_interval=90.0,
         seed=3,
-        effects=[parse_effect('porosity:factor=0.88')],
         noise=MapNoise.drawn(3),
         grid=rig.grid(62, 37),
-        cell=0.004,
     )
     recording = open_recording(Path(folder) / 'recording')
     excluded = [name for name in EFFECTS if name not in CONSIDERED]

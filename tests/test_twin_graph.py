@@ -28,6 +28,7 @@ from porotwin_hub.launching.graph import (
 )
 from porotwin_msgs.srv import ConfirmRates
 from porotwin_rig.made_experiment import make_experiment
+from porotwin_rig.virtual_rig import VirtualRig
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
@@ -51,7 +52,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     make_experiment(
         folder,
-        rig,
+        VirtualRig(rig),
         commanded=schedule,
         duration=30.0 * PHOTOGRAPHS,
         photo_interval=30.0,

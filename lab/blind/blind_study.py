@@ -36,6 +36,7 @@ from porotwin_core.basis.parent import PARENT
 from porotwin_diagnosis.report.report_folder import REPORT
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
+from porotwin_rig.virtual_rig import VirtualRig
 
 CheckProgress = Callable[[float, int, str], None]
 """Called with the cases that are done, parts of cases included, the number of all cases, and the
@@ -237,16 +238,14 @@ def make_recording(
         shutil.rmtree(folder)
     make_experiment(
         folder,
-        case.rig,
+        VirtualRig(case.rig, effects=case.effects, cell=case.element_m),
         commanded=case.schedule,
         duration=case.duration,
         photo_interval=case.photo_interval,
         seed=case.seed,
-        effects=case.effects,
         noise=MapNoise.drawn(case.seed),
         grid=case.rig.default_grid(case.cell_m),
         truth=clean,
-        cell=case.element_m,
         progress=progress,
     )
 

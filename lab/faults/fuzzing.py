@@ -215,6 +215,7 @@ def _experiment(folder: Path) -> None:
     from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
     from porotwin_core.rig import load_rig
     from porotwin_rig.made_experiment import make_experiment
+    from porotwin_rig.virtual_rig import VirtualRig
 
     rig = load_rig(small_rig())
     rows = [
@@ -224,14 +225,13 @@ def _experiment(folder: Path) -> None:
     made = folder / 'made'
     make_experiment(
         made,
-        rig,
+        VirtualRig(rig, cell=0.01),
         commanded=Schedule(tuple(rows)),
         duration=90.0,
         photo_interval=30.0,
         seed=1,
         grid=rig.grid(47, 28),
         photo_width_px=400,
-        cell=0.01,
     )
     for path in made.iterdir():
         path.replace(folder / path.name)

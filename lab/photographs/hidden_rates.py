@@ -24,6 +24,7 @@ from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_recording.tables.concentration import MapOrigin, Maps
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
+from porotwin_rig.virtual_rig import VirtualRig
 
 PRIOR_ML_H = [40.0, 250.0]
 GUESS_ML_H = 100.0
@@ -77,15 +78,15 @@ def hidden(rig: Rig, seed: int, folder: Path) -> tuple[Recording, dict[str, floa
         truth[name] = float(median * np.exp(deviation * random.standard_normal()))
     make_experiment(
         folder,
-        rig.model_copy(update={'effects': ()}),  # the virtual rig has effects of its own
+        VirtualRig(
+            rig.model_copy(update={'effects': ()}), effects=rig.effects, cell=ELEMENT_M
+        ),  # the virtual rig has effects of its own
         commanded=_constant(truth),
         duration=1800.0,
         photo_interval=150.0,
         seed=seed,
-        effects=rig.effects,
         noise=MapNoise.drawn(seed),
         grid=rig.grid(COLUMNS, ROWS),
-        cell=ELEMENT_M,
     )
     recording = open_recording(folder, rig=rig)
     values = recording.concentration

@@ -26,6 +26,7 @@ from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model.batch import Job
 
 WORKERS = (1, 2, 4, 8, 16, 32, 64)
@@ -135,7 +136,7 @@ def _photograph(folder: Path, width_px: int) -> Away:
     rig, rate = bench_rig(), from_ml_h(500.0)
     make_experiment(
         folder / 'photographs',
-        rig,
+        VirtualRig(rig),
         commanded=Schedule.constant({'injector': WellRate(rate, 1.0)}),
         duration=600.0,
         photo_interval=300.0,

@@ -12,6 +12,7 @@ from porotwin_core.basis.units import from_ml_h
 from porotwin_core.rates.wells import Schedule, ScheduleRow, WellRate
 from porotwin_core.rig import load_rig
 from porotwin_rig.made_experiment import make_experiment
+from porotwin_rig.virtual_rig import VirtualRig
 
 __all__ = ['kept_baselines', 'large_elements', 'undrawn']
 
@@ -30,13 +31,12 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     make_experiment(
         folder,
-        rig,
+        VirtualRig(rig, cell=0.0042),
         commanded=schedule,
         duration=180.0,
         photo_interval=30.0,
         seed=3,
         grid=rig.grid(94, 56),
         photo_width_px=640,
-        cell=0.0042,
     )
     return folder

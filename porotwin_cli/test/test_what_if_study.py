@@ -30,6 +30,7 @@ from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_siblings.proposed_rates import proposed_plan
 from porotwin_siblings.zone_measure import ZoneMeasure
 
@@ -43,14 +44,13 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     folder = tmp_path_factory.mktemp('study') / 'run'
     make_experiment(
         folder,
-        rig,
+        VirtualRig(rig, cell=0.02),
         commanded=Schedule.from_rates([(0.0, limits.safe()), (1800.0, most)]),
         duration=2400.0,
         photo_interval=300.0,
         seed=3,
         noise=MapNoise.drawn(3),
         grid=rig.grid(31, 19),
-        cell=0.02,
     )
     return open_recording(folder)
 

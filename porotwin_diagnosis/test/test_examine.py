@@ -19,6 +19,7 @@ from porotwin_diagnosis.report.report_folder import REPORT, write_diagnosis
 from porotwin_diagnosis.thresholds import OPEN_CONFIDENCE
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
+from porotwin_rig.virtual_rig import VirtualRig
 
 
 def with_a_glare(recording):
@@ -136,7 +137,7 @@ def test_a_second_recording_separates_effects_that_one_cannot(injecting, chasing
 def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
     make_experiment(
         tmp_path / 'short',
-        SMALL,
+        VirtualRig(SMALL),
         commanded=schedule(),
         duration=300,
         photo_interval=60,

@@ -19,6 +19,7 @@ from porotwin_diagnosis.search.findings import Findings
 from porotwin_recording.experiment.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.effects import EFFECTS
 
 
@@ -33,14 +34,13 @@ def sample(tmp_path_factory):
     ]
     make_experiment(
         folder,
-        SMALL,
+        VirtualRig(SMALL, cell=ELEMENT_M),
         commanded=Schedule((injector, *later)),
         duration=2160,
         photo_interval=90,
         seed=3,
         noise=MapNoise.drawn(3),
         grid=SMALL.grid(94, 56),
-        cell=ELEMENT_M,
     )
     return coarsened(read_sample(open_recording(folder)), 2)
 

@@ -15,7 +15,6 @@ from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.model.held_out_share import held_out_begin
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.wells import Schedule
-from porotwin_core.rig import EffectDescription, Rig
 from porotwin_recording.experiment.experiment_folder import write_folder
 from porotwin_recording.tables.concentration import VIRTUAL, ConcentrationWriter, MapOrigin
 from porotwin_recording.tables.photos import Photo, write_photos
@@ -95,47 +94,43 @@ def signals(
 
 def make_experiment(
     folder: Path,
-    rig: Rig,
+    asset: VirtualRig,
     *,
     commanded: Schedule,
     duration: float,
     photo_interval: float,
     seed: int,
-    effects: Iterable[EffectDescription] = (),
     noise: MapNoise | None = None,
     grid: Grid | None = None,
     photo_width_px: int | None = None,
     truth: Path | None = None,
-    cell: float | None = None,
     progress: Callable[[float], None] = lambda _share: None,
 ) -> MadeExperiment:
     """Run an experiment and write it into `folder`; the folder does not name the effects.
 
     Args:
         folder: the experiment folder; must not hold an experiment yet.
-        rig: the nominal rig; written as it is.
-        commanded: the commanded rates, which run with the pauses and levels that `rig` announces;
+        asset: the virtual rig before its start; its nominal rig is written as it is.
+        commanded: the commanded rates, which run with the pauses and levels that the rig announces;
             later ones than the duration are left out.
         duration: length of the experiment [s].
         photo_interval: time between frames [s], the first at 0.
         seed: seed of the noise, and of the photographs.
-        effects: true effects of the rig and its camera.
         noise: noise of the maps; None for a perfect camera, whose maps are kept unpacked.
         grid: grid of the maps; cells of about 5 mm by default.
         photo_width_px: width of photographs (8:5); None for no photographs.
         truth: file for the noise-free signal at the times of the frames, outside `folder`.
-        cell: size of the elements of the virtual rig [m]; its default if None.
         progress: called with the share of the experiment that is done, 0 to 1, after every step of
             the virtual rig. A slow rig with a dense tracer takes steps of 15 s over days.
 
     Raises:
-        InputError: the folder is in use, or an effect, a well or a time is wrong.
+        InputError: the folder is in use, or a well or a time is wrong.
     """
     if not (duration > 0.0 and photo_interval > 0.0):
         raise InputError(f'duration {duration} s, photo interval {photo_interval} s: give positive')
+    rig = asset.rig
     grid = grid or rig.default_grid()
     commanded = FixedPauses.of(rig).in_schedule(commanded)  # as whoever reads the folder will
-    asset = VirtualRig(rig, effects=effects, cell=cell)
     photographer = None
     if photo_width_px is not None:
         camera = camera_before(rig, photo_width_px, round(photo_width_px * ASPECT))

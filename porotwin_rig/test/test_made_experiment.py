@@ -28,15 +28,13 @@ def test_folder_holds_rig_rates_maps_and_photographs(tmp_path: Path) -> None:
     rig = make_rig()
     made = make_experiment(
         tmp_path / 'run',
-        rig,
+        VirtualRig(rig, effects=parse_effects('decay:rate=1e-4'), cell=CELL_M),
         commanded=COMMANDED,
         duration=300.0,
         photo_interval=60.0,
         seed=4,
         noise=MapNoise(),
-        effects=parse_effects('decay:rate=1e-4'),
         photo_width_px=320,
-        cell=CELL_M,
         truth=tmp_path / 'truth.nc',
     )
     found = read_folder(tmp_path / 'run')
@@ -59,12 +57,11 @@ def test_a_well_rests_in_the_pauses_that_the_folder_announces(tmp_path: Path) ->
     control = Control(wells=(), producer='producer', fixed={'injector': well})
     made = make_experiment(
         tmp_path / 'run',
-        make_rig().model_copy(update={'control': control}),
+        VirtualRig(make_rig().model_copy(update={'control': control}), cell=CELL_M),
         commanded=Schedule.constant(PUMP),
         duration=180.0,
         photo_interval=60.0,
         seed=4,
-        cell=CELL_M,
     )
     known = read_folder(tmp_path / 'run').known_rates
     assert known is not None
@@ -76,14 +73,12 @@ def test_every_step_of_a_slow_experiment_is_told(tmp_path: Path) -> None:
     shares: list[float] = []
     make_experiment(
         tmp_path / 'run',
-        make_rig(),
+        VirtualRig(make_rig(), effects=parse_effects('buoyancy:density_difference=1'), cell=CELL_M),
         commanded=COMMANDED,
         duration=300.0,
         photo_interval=300.0,
         seed=4,
-        effects=parse_effects('buoyancy:density_difference=1'),
         progress=shares.append,
-        cell=CELL_M,
     )
     assert len(shares) >= 20  # steps of 15 s between two maps
     assert shares == sorted(shares)
@@ -93,12 +88,11 @@ def test_every_step_of_a_slow_experiment_is_told(tmp_path: Path) -> None:
 def test_without_noise_maps_are_the_truth(tmp_path: Path) -> None:
     made = make_experiment(
         tmp_path / 'run',
-        make_rig(),
+        VirtualRig(make_rig(), cell=CELL_M),
         commanded=COMMANDED,
         duration=90.0,
         photo_interval=30.0,
         seed=4,
-        cell=CELL_M,
         truth=tmp_path / 'truth.nc',
     )
     assert made.noise_floor == 0.0
@@ -125,7 +119,12 @@ def test_folder_in_use_is_refused(tmp_path: Path) -> None:
     (tmp_path / 'rig.yaml').write_text('name: mine')
     with pytest.raises(InputError, match='already'):
         make_experiment(
-            tmp_path, make_rig(), commanded=COMMANDED, duration=60.0, photo_interval=30.0, seed=1
+            tmp_path,
+            VirtualRig(make_rig()),
+            commanded=COMMANDED,
+            duration=60.0,
+            photo_interval=30.0,
+            seed=1,
         )
     assert (tmp_path / 'rig.yaml').read_text() == 'name: mine'
 
@@ -134,7 +133,7 @@ def test_impossible_times_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='positive'):
         make_experiment(
             tmp_path / 'x',
-            make_rig(),
+            VirtualRig(make_rig()),
             commanded=COMMANDED,
             duration=0.0,
             photo_interval=30.0,

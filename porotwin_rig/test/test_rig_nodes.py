@@ -18,6 +18,7 @@ from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_recording.tables.concentration import open_maps
 from porotwin_rig.made_experiment import make_experiment
+from porotwin_rig.virtual_rig import VirtualRig
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
@@ -243,7 +244,7 @@ def test_wrong_parameter_ends_with_one_line(
 def test_mock_camera_publishes_a_folder_with_its_faults(tmp_path: Path) -> None:
     make_experiment(
         tmp_path / 'run',
-        make_rig(),
+        VirtualRig(make_rig()),
         commanded=Schedule.from_rates([(0.0, GOOD)]),
         duration=120.0,
         photo_interval=30.0,

@@ -94,6 +94,7 @@ def command(
     from porotwin_rig.effects import parse_effects, refuse_slips
     from porotwin_rig.made_experiment import make_experiment
     from porotwin_rig.map_camera import MapNoise
+    from porotwin_rig.virtual_rig import VirtualRig
 
     refuse_existing(output)
     if truth is not None:
@@ -121,12 +122,11 @@ def command(
         task = bar.add_task('running the virtual rig', total=1.0)
         made = make_experiment(
             unfinished,
-            recording.rig,
+            VirtualRig(recording.rig, effects=(*recording.rig.effects, *effects)),
             commanded=recording.delivered,
             duration=duration,
             photo_interval=photo_interval_s,
             seed=seed,
-            effects=(*recording.rig.effects, *effects),
             noise=MapNoise(),
             grid=map_grid,
             photo_width_px=photo_width_px,

@@ -35,6 +35,7 @@ from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_imaging.tracer.calibration import load_calibration
 from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model.plume_model import plume_model
 
 ARCHITECTURE = 'local'
@@ -147,7 +148,7 @@ def calibration_fit(
     duration = max(1, round(duration / MINUTE_S)) * MINUTE_S
     make_experiment(
         folder / 'calibration_run',
-        rig,
+        VirtualRig(rig),
         commanded=balanced([(0.0, well, rate_ml_h, concentration)], producer_of(rig)),
         duration=duration,
         photo_interval=duration / CALIBRATION_PHOTOS,
@@ -201,7 +202,7 @@ class TrainingRun:
         """
         make_experiment(
             folder,
-            self.rig,
+            VirtualRig(self.rig),
             commanded=self.schedule,
             duration=TRAINING_MINUTES * 60.0,
             photo_interval=self.photo_interval,
