@@ -212,3 +212,14 @@ def test_safe_rates_have_the_announced_pauses(small_rig: Rig) -> None:
     resumed = book.expire(291.0)
     assert resumed is not None
     assert 'Set injector to 500.' in resumed.speech
+    assert 'An announced pause begins or ends.' in resumed.speech
+
+
+def test_before_the_start_is_known_the_pauses_of_the_first_minute_hold(small_rig: Rig) -> None:
+    assert small_rig.control is not None
+    control = small_rig.control.with_pauses({'injector': ((0.0, 4.0),)}, None)
+    book = SetpointBook(small_rig.model_copy(update={'control': control}))
+    book.announce(shown(5, Limits.of(small_rig).safe(), stamp=1000.0), now=50.0)
+    paused = book.expire(141.0)
+    assert paused is not None
+    assert 'Switch producer off.' in paused.speech

@@ -340,8 +340,14 @@ class GraphSnapshot:
         return (expired and self.safe_at(graph)) or setpoint.rates
 
     def safe_at(self, graph: float | None) -> WellRates:
-        """Return the safe rates [m^3/s] with the pauses announced for `graph` time [s]."""
-        return self.safe_rates if graph is None else self.pauses.at(graph, self.safe_rates)
+        """Return the safe rates [m^3/s] with the pauses announced for `graph` time [s].
+
+        Before the start is known, the pauses of its first minute hold, as at the pumps.
+        """
+        if self.rig is None:
+            return {}
+        elapsed = 0.0 if graph is None or self.began is None else graph - self.began
+        return FixedPauses.of(self.rig).at(elapsed, self.safe_rates)
 
     @property
     def setpoint(self) -> Setpoint | None:

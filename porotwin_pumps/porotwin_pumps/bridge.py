@@ -250,6 +250,7 @@ class PumpBridge:
 
     def _go_safe(self) -> None:
         """Set the safe rates; without a producer nothing is put in."""
+        self._wanted |= self._safe  # the producer, which is set first, balances all of them
         safe = dict(self._safe)
         producer = {name: safe.pop(name) for name in [self._producer] if name in safe}
         self._apply(producer)

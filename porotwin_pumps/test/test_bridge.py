@@ -309,7 +309,13 @@ def test_pumps_make_the_announced_pauses() -> None:
     assert RIG.control is not None
     control = RIG.control.with_pauses({'injector': ((0.0, 1.0), (2.0, 3.0))}, None)
     bench = Bench(RIG.model_copy(update={'control': control}))
-    assert bench.pumps['injector'].rate_ml_h == 0.0  # before the start too
+    assert set(bench.ml_h().values()) == {0.0}  # before the start too: nothing is drained
+    bench.pumps['producer'].broken = True
+    bench.bridge.tick(bench.now)
+    bench.pumps['producer'].broken = False
+    bench.now += 2.0 * RETRY_PERIOD_S
+    assert 'work again' in str(bench.bridge.tick(bench.now))
+    assert set(bench.ml_h().values()) == {0.0}
     bench.command(100.0)
     assert bench.pumps['producer'].rate_ml_h == pytest.approx(-100.0)
     for minute, injected in ((1.0, 500.0), (2.0, 0.0), (3.0, 500.0)):

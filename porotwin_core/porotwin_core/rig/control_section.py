@@ -9,6 +9,7 @@ from pydantic import Field, GetJsonSchemaHandler, JsonValue
 from pydantic.json_schema import JsonSchemaValue
 
 from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
+from porotwin_core.basis.plausibility import LEAST_RATE_ML_H
 from porotwin_core.basis.spans import is_within
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S
 from porotwin_core.rig.numbers import (
@@ -248,7 +249,7 @@ class Control(Section):
         greatest, step = self.max_rate_ml_h, self.rate_step_ml_h
         if 'rate_step_ml_h' in self.model_fields_set and step > greatest:
             raise ValueError(f'rate_step_ml_h {step:g} is above max_rate_ml_h {greatest:g}')
-        if math.isinf(greatest / step):
+        if step < LEAST_RATE_ML_H:
             raise ValueError(f'rate_step_ml_h {step:g}: no pump has such a step; correct it')
         if self.min_rate_ml_h > greatest:
             raise ValueError(

@@ -61,15 +61,21 @@ def announce(
 
 
 def announce_expiry(
-    sequence: int, safe: WellRates, before: WellRates, *, note: str = ''
+    sequence: int, safe: WellRates, before: WellRates, *, note: str = '', pause: bool = False
 ) -> Announcement:
     """Return the words for the expired setpoint `sequence`: the `safe` rates [m^3/s] hold now.
 
-    They name every well: whoever missed the last setpoints must not miss a pump.
+    They name every well: whoever missed the last setpoints must not miss a pump. `pause` tells that
+    they were announced before, and an announced pause has changed them.
     """
-    title = f'setpoint {sequence} has expired and none followed{note}; set the safe rates now'
+    title = f'setpoint {sequence} has expired and none followed{note}'
+    opening = f'Setpoint {sequence} has expired.'
+    if pause:
+        title += '; an announced pause begins or ends'
+        opening = 'An announced pause begins or ends.'
+    title += '; set the safe rates now'
     orders = ' '.join(_order(well, rate) for well, rate in safe.items())
-    speech = f'Setpoint {sequence} has expired. Set the safe rates now. {orders}'.strip()
+    speech = f'{opening} Set the safe rates now. {orders}'.strip()
     return Announcement(_table(title, safe, before, tuple(safe)), speech, tuple(safe))
 
 

@@ -120,19 +120,20 @@ class SetpointBook:
         else:
             return None
         self._in_force = None
-        words = announce_expiry(sequence, safe, self._at_pumps, note=note)
+        words = announce_expiry(sequence, safe, self._at_pumps, note=note, pause=not note)
         if safe:
             self._newest, self._at_pumps = (sequence, safe), safe
         return words
 
     def _safe(self, now: float) -> dict[str, WellRate]:
-        """Return the safe rates at `now`, with the announced pauses; empty without control."""
+        """Return the safe rates at `now`, with the announced pauses; empty without control.
+
+        Before the start is known, the pauses of its first minute hold, as at the pumps.
+        """
         if self._limits is None:
             return {}
-        safe = self._limits.safe()
-        if self.began is None:
-            return safe
-        return dict(self._pauses.at(now + self.ahead - self.began, safe))
+        elapsed = 0.0 if self.began is None else now + self.ahead - self.began
+        return dict(self._pauses.at(elapsed, self._limits.safe()))
 
     def confirmed(self, sequence: int, changed: WellRates) -> dict[str, WellRate]:
         """Return the rates that the operator set: as announced, except for the `changed` wells.
