@@ -23,7 +23,7 @@ def test_a_named_effect_and_learnt_physics_share_the_gap(corrective, grid):
     rest = delayed(0.85 / 0.8)
     found = gap_shares(bare, named, replace(corrective, trust=0.0, learnt=rest))
     assert found['named effects'] > 0.5
-    assert found['learnt physics'] > 0.05
+    assert found['learnt physics and scheme'] > 0.05
     assert found['network'] == 0.0
     assert found['remainder'] == pytest.approx(0.0, abs=1e-3)
     assert sum(found.values()) == pytest.approx(1.0)

@@ -1,5 +1,6 @@
 """./porotwin train: COSTA from recordings."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -71,7 +72,7 @@ def command(
     bare = load_rig(rig)
     description = bare.with_effects(given_effects(effect, bare))
     cells = grid_of(grid, description)
-    opened = open_all(recordings, description)
+    opened = [replace(one, rig=description) for one in open_all(recordings, bare)]
     steps = np.concatenate([np.diff(recording.times) for recording in opened])
     if not steps.size:
         raise InputError(

@@ -300,7 +300,8 @@ def _decision(gate: Mapping[str, Any]) -> str:
     tested = f'; also at {rates} times the rates' if rates else ''
     return (
         f'gate open for {", ".join(applied)}: free-run error {gate["corrected"]:.3f} instead of '
-        f'{gate["alone"]:.3f} on kept maps, at worst {gate["worst_ratio"]:.2f} times{tested}'
+        f'{gate["alone"]:.3f} on kept maps; the worst map has {gate["worst_ratio"]:.2f} times its '
+        f'error without COSTA{tested}'
     )
 
 

@@ -27,7 +27,7 @@ def gap_shares(bare: Judge, judge: Judge, model: CorrectiveModel) -> dict[str, f
     named, learnt, rest = left(judge.alone), left(physics.corrected), left(whole.corrected)
     return {
         'named effects': 1.0 - named,
-        'learnt physics': named - learnt,
+        'learnt physics and scheme': named - learnt,
         'network': learnt - rest,
         'remainder': rest,
     }
