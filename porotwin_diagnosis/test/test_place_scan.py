@@ -10,7 +10,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.wells import Schedule
 from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_diagnosis.model.forward import Forward
-from porotwin_diagnosis.search.place_scan import promising_starts, sized_trials_at
+from porotwin_diagnosis.search.place_scan import explained_part, promising_starts, sized_trials_at
 from porotwin_diagnosis.thresholds import BEAM
 
 
@@ -23,6 +23,16 @@ def test_a_leak_within_the_plume_is_found_at_its_place(tmp_path):
     start = starts[0].described(starts[0].first).parameters
     assert np.hypot(float(start['x']) - 0.23, float(start['z']) - 0.3) < 0.06
     assert -40.0 < float(start['rate']) < -10.0
+
+
+def test_a_trial_explains_what_its_strongest_start_does():
+    """A far place would explain all at six times the strength that a response is linear for."""
+    residual = np.array([6.0, 0.0])
+    far, near = np.array([1.0, 0.0]), np.array([3.0, 0.5])
+    assert explained_part(far, residual, (0.0, 6.0)) == (pytest.approx(36.0), pytest.approx(6.0))
+    assert explained_part(far, residual, (0.0, 3.0)) == (pytest.approx(27.0), 3.0)
+    assert explained_part(near, residual, (0.0, 3.0))[0] > 27.0
+    assert explained_part(-far, residual, (0.0, 3.0)) == (0.0, 0.0)
 
 
 def test_a_rig_at_rest_sets_no_scale_for_a_leak(quiet):

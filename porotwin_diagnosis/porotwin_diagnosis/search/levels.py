@@ -48,9 +48,9 @@ from porotwin_diagnosis.thresholds import (
 )
 
 SCREENING = COARSER
-SCREENING_COLUMNS = 40
+SCREENING_COLUMNS = 60
 """Cells of the recording per screening cell, each way, and the fewest columns of screening cells.
-On fewer columns a plume is only a few cells wide."""
+On 45 columns the errors of the cells moved a leak beyond its hole, from where no fit came back."""
 
 JUDGING, FINEST = 2, 3
 """Judging and finest cells per cell of the recording, each way."""

@@ -2,8 +2,9 @@
 
 While such an effect is absent, its residual has no gradient with respect to its place. Therefore a
 trial effect is put at every place of a coarse grid in turn. Its response b, the change that it
-makes in the maps, is compared with the residual r of the model: the trial explains (b.r)^2 / (b.b)
-of r.r, with the strength multiplied by (b.r) / (b.b).
+makes in the maps, is compared with the residual r of the model. With its strength multiplied by k,
+the trial explains 2 k (b.r) - k^2 (b.b) of r.r. The best k is (b.r) / (b.b), within the factors
+that the effect allows: far beyond them responses are not linear, and far places explain as much.
 """
 
 import math
@@ -125,10 +126,24 @@ def promising_starts(
     def gain(trial: Candidate) -> tuple[float, float]:
         """Return the explained part of the residual's square, and the factor on the strength."""
         own = response((trial.described(trial.first),))
-        projected, norm = float(own @ residual), float(own @ own)
-        return (projected**2 / norm, projected / norm) if norm > 0 else (0.0, 0.0)
+        return explained_part(own, residual, _place_search(effect).strength_factors)
 
     return _best_apart(trials, list(run(gain, trials)), _place_distance(sample))
+
+
+def explained_part(
+    response: FloatArray, residual: FloatArray, factors: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the part of the square of `residual` that `response` explains, and the best factor.
+
+    Both are (n,). The factor on the response lies within `factors`; it is 0 for a response of the
+    opposite sign.
+    """
+    projected, norm = float(response @ residual), float(response @ response)
+    if norm <= 0.0 or projected <= 0.0:
+        return 0.0, 0.0
+    factor = float(np.clip(projected / norm, *factors))
+    return 2.0 * factor * projected - factor**2 * norm, factor
 
 
 def compared(forward: Forward) -> ScanComparison:
