@@ -13,7 +13,7 @@ from porotwin_core.rates.wells import Schedule
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_hub.loop.cycle import Observation
 from porotwin_imaging.baseline.baseline import Baseline, make_baseline
-from porotwin_imaging.calibrating.calibration_fit import Source, fit_calibration
+from porotwin_imaging.calibrating.calibration_fit import InjectionSource, fit_calibration
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.camera_signal import signal_seen
@@ -100,6 +100,6 @@ def _calibrated_baseline(
         photographs,
         schedule=schedule,
         plumes=partial(plume_model, photographer.rig, schedule),
-        source=Source('known injection'),
+        source=InjectionSource('known injection'),
     )
     return make_baseline(photographer.rig, grid, [first], calibration=fit.calibration)

@@ -3,7 +3,11 @@
 from functools import partial
 from pathlib import Path
 
-from porotwin_imaging.calibrating.calibration_fit import CalibrationFit, Source, fit_calibration
+from porotwin_imaging.calibrating.calibration_fit import (
+    CalibrationFit,
+    InjectionSource,
+    fit_calibration,
+)
 from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused, refusal
 from porotwin_recording.experiment.experiment_folder import folder_data
 from porotwin_solver.model.plume_model import plume_model
@@ -24,7 +28,7 @@ def fit_of_injection(folder: Path) -> CalibrationFit:
         [(photo.time, photo.read()) for photo in data.photos if photo.role == 'state'],
         schedule=schedule,
         plumes=partial(plume_model, data.rig, schedule) if schedule else None,
-        source=Source(folder.name),
+        source=InjectionSource(folder.name),
     )
     if any(one.refused for one in fit.remarks):
         raise CalibrationRefused(refusal(fit.remarks))

@@ -14,7 +14,7 @@ from porotwin_imaging.baseline.baseline import make_baseline
 from porotwin_imaging.calibrating.calibration_fit import (
     CalibrationFit,
     DilutionPhoto,
-    Source,
+    InjectionSource,
     fit_calibration,
 )
 from porotwin_imaging.calibrating.calibration_pictures import write_fit
@@ -78,7 +78,7 @@ def fit(injection) -> CalibrationFit:
         [injection.empty],
         iter(states),
         schedule=injection.schedule(),
-        source=Source('test'),
+        source=InjectionSource('test'),
     )
 
 

@@ -8,7 +8,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h
 from porotwin_core.geometry.grid import FloatArray
 from porotwin_core.model.learnt_physics import LearntPhysics
-from porotwin_core.rates.wells import Schedule, WellRate
+from porotwin_core.rates.wells import WellRate
 from porotwin_core.rig import EffectDescription
 from porotwin_solver.adjoint.learnt_coefficients import LearntModels
 from porotwin_solver.model.implicit_model import ImplicitModel
@@ -64,15 +64,6 @@ def test_the_adjoint_is_the_transposed_step(model: ImplicitModel, plume: FloatAr
     moved = model.predict(plume + direction, RATES, STEP_S) - model.predict(plume, RATES, STEP_S)
     by_previous = model.step_adjoint(plume, RATES, STEP_S, bar)
     assert np.vdot(bar, moved) == pytest.approx(np.vdot(by_previous, direction), rel=1e-9)
-
-
-def test_a_run_is_its_steps(model: ImplicitModel, plume: FloatArray) -> None:
-    times = STEP_S * np.arange(1, 21)
-    models = LearntModels(model.rig, model.grid, 'implicit')
-    start = model.initial_condition()
-    schedule = Schedule.constant(RATES)
-    maps = models.run(LearntPhysics(), schedule, times, initial=start, start=0.0)
-    assert np.allclose(maps[-1], plume)
 
 
 def test_physics_outside_the_papers_equations_is_refused(model: ImplicitModel) -> None:

@@ -126,7 +126,11 @@ def _calibrated(
         InputError: the photographs or rates are wrong, or `target` may not be written.
         WorkFailed: the calibration cannot be trusted.
     """
-    from porotwin_imaging.calibrating.calibration_fit import DilutionPhoto, Source, fit_calibration
+    from porotwin_imaging.calibrating.calibration_fit import (
+        DilutionPhoto,
+        InjectionSource,
+        fit_calibration,
+    )
     from porotwin_imaging.calibrating.calibration_pictures import write_fit
     from porotwin_imaging.calibrating.calibration_trust import CalibrationRefused
     from porotwin_solver.effects import tracer_storage
@@ -148,7 +152,7 @@ def _calibrated(
             ],
             contrast=contrast,
             plumes=partial(plume_model, rig, schedule) if schedule else None,
-            source=Source(recording.source.resolve().name, rates_file),
+            source=InjectionSource(recording.source.resolve().name, rates_file),
             storage=partial(tracer_storage, rig),
             progress=say,
             baseline_names=[

@@ -29,7 +29,11 @@ from porotwin_core.rig import Rig
 from porotwin_costa.data.frames import Frames
 from porotwin_costa.networks import architecture
 from porotwin_imaging.baseline.baseline import make_baseline
-from porotwin_imaging.calibrating.calibration_fit import CalibrationFit, Source, fit_calibration
+from porotwin_imaging.calibrating.calibration_fit import (
+    CalibrationFit,
+    InjectionSource,
+    fit_calibration,
+)
 from porotwin_imaging.calibrating.calibration_pictures import write_fit
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_imaging.tracer.calibration import load_calibration
@@ -165,7 +169,7 @@ def calibration_fit(
         states,
         schedule=recording.schedule,
         plumes=partial(plume_model, recording.rig, recording.schedule),
-        source=Source('calibration_run'),
+        source=InjectionSource('calibration_run'),
     )
 
 

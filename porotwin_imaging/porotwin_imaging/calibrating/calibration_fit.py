@@ -137,7 +137,7 @@ class CalibrationFit:
 
 
 @dataclass(frozen=True)
-class Source:
+class InjectionSource:
     """Where an injection was recorded.
 
     Attributes:
@@ -158,7 +158,7 @@ def fit_calibration(
     dilutions: Sequence[DilutionPhoto] = (),
     contrast: Contrast | None = None,
     plumes: Callable[[Sequence[float], int], PlumeModel] | None = None,
-    source: Source = Source(),
+    source: InjectionSource = InjectionSource(),
     storage: Callable[[Grid], Array] | None = None,
     progress: Callable[[str], None] = lambda _: None,
     baseline_names: Sequence[str] = (),
