@@ -8,7 +8,7 @@ import typer
 
 from porotwin_cli.options.crew_options import Scheduler, Workers
 from porotwin_cli.options.seed_option import seed_option
-from porotwin_cli.terminal import Json, print_json, refuse_existing
+from porotwin_cli.terminal import Json, print_json, refuse_existing, say
 from porotwin_core.basis.errors import InputError
 from porotwin_core.model.preset_names import PRESET_WORDS
 
@@ -50,6 +50,7 @@ def command(
     """
     import numpy as np
 
+    from porotwin_checks.all_checks import OF_MAPS, OF_RIG
     from porotwin_cli.options.given_effects import given_effects
     from porotwin_cli.options.grids import grid_of, tell_cost
     from porotwin_cli.recorded.costa_data import (
@@ -65,6 +66,7 @@ def command(
     from porotwin_costa.networks import architecture as named
     from porotwin_costa.training.data_parallel import joined
     from porotwin_costa.training.run_training import TrainingChoice
+    from porotwin_recording.experiment.recording import odd_lines
     from porotwin_solver.model.prediction_cost import prediction_cost
 
     refuse_existing(output)
@@ -73,6 +75,8 @@ def command(
     description = bare.with_effects(given_effects(effect, bare))
     cells = grid_of(grid, description)
     opened = [replace(one, rig=description) for one in open_all(recordings, bare)]
+    for line in odd_lines(opened, OF_MAPS | OF_RIG):
+        say(line)
     steps = np.concatenate([np.diff(recording.times) for recording in opened])
     if not steps.size:
         raise InputError(
