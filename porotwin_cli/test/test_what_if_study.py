@@ -217,6 +217,8 @@ def test_meters_tell_what_the_commands_of_a_plan_deliver(recording: Recording) -
     for well in ('injector', 'producer'):
         assert found.rate_factors[well].metered == pytest.approx(0.6)
     np.testing.assert_allclose(found.present.mean, usual.present.mean, atol=1e-3)
+    told = forecast(replace(metered, by_hand=True), 600.0, 300.0)
+    assert told.rate_factors['injector'].metered == 1.0, 'a person may be late'
 
 
 def test_a_well_without_a_meter_is_not_taken_as_measured(recording: Recording) -> None:

@@ -62,6 +62,9 @@ from porotwin_solver.model.model import Model
 from porotwin_solver.model.rates_into_sand import rates_of_pumps
 from porotwin_solver.model.water_balance import WaterBalance, water_balance
 
+METER_S = 30.0
+"""Time between two measurements of a pump [s], as the pumps of a rig send them."""
+
 NO_ZONE = (
     'rig.yaml names no zone that tracer must stay out of (control.zone): the picture compares the '
     'plumes'
@@ -424,6 +427,7 @@ def _learn(
     delivered = recording.delivered
     rig, grid = family.rig, family.grid
     learner = RateLearner(rate_deviations(rig), grid, closed=rig.closed)
+    meters = _Meters.of(recording)
     model = Model(rig, grid, preset=PLAN_PRESET)
     physics = _ModelInForce(model)
     hub = Twin(
@@ -444,8 +448,8 @@ def _learn(
         if physics.model is not (acting := model.at(now)):
             hub.interrupt()
             physics.model = acting
-        for begin, _, rates in periods:
-            learner.meter(*_compared(recording, begin, rates))
+        for period in periods:
+            meters.compare(period, learner)
         parts = _map(maps, number)
         values, *deviations = parts
         coarse = [
@@ -478,20 +482,32 @@ class _ModelInForce:
         return self.model.correct(previous, sigma, rates, time_step)
 
 
-def _compared(
-    recording: Recording, time: float, known: WellRates
-) -> tuple[dict[str, WellRate], WellRates]:
-    """Return those of the `known` rates from `time` [s] on that meters measured, and the commands.
+@dataclass(frozen=True)
+class _Meters:
+    """The meters of a recording, beside the rates that were `commanded`.
 
-    Where nothing was commanded, or after the last row, a meter tells nothing about a pump.
+    They tell the rate of each well from its time in `since` [s] on, and end with `end` [s].
     """
-    measured, commands = recording.measured, recording.announced
-    if measured is None or not measured.rows or commands is None or not commands.rows:
-        return {}, known
-    if time >= measured.rows[-1].time:
-        return {}, commands.at(time)
-    wells = {row.well for row in measured.rows if row.time <= time}
-    return {well: rate for well, rate in known.items() if well in wells}, commands.at(time)
+
+    commanded: Schedule
+    since: dict[str, float]
+    end: float
+
+    @classmethod
+    def of(cls, recording: Recording) -> '_Meters':
+        """Return those of `recording`; none where nothing was commanded, or people told rates."""
+        measured, commanded = recording.measured, recording.announced
+        if measured is None or not measured.rows or commanded is None or recording.by_hand:
+            return cls(Schedule(()), {}, 0.0)
+        since = {row.well: row.time for row in reversed(measured.rows)}
+        return cls(commanded, since, measured.rows[-1].time)
+
+    def compare(self, period: RatePeriod, learner: RateLearner) -> None:
+        """Let `learner` compare what meters tell of a `period` with the commands meanwhile."""
+        for now in np.arange(period.start, min(period.end, self.end), METER_S):
+            begun = (well for well, since in self.since.items() if since <= now)
+            told = {well: period.rates[well] for well in begun}
+            learner.meter(told, self.commanded.at(now))
 
 
 def _map(maps: ConcentrationMaps, number: int) -> tuple[FloatArray, Any, Any]:
