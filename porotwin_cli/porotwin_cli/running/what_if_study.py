@@ -472,13 +472,13 @@ class _ModelInForce:
     model: Model
 
     def predict(self, concentration: FloatArray, rates: WellRates, time_step: float) -> FloatArray:
-        """Return what the model predicts."""
+        """Return the prediction (nz, nx) [-] after `time_step` [s]."""
         return self.model.predict(concentration, rates, time_step)
 
     def correct(
         self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
     ) -> FloatArray:
-        """Return what the model corrects."""
+        """Return the corrected prediction (nz, nx) [-] with the source `sigma` [1/s]."""
         return self.model.correct(previous, sigma, rates, time_step)
 
 
@@ -495,7 +495,7 @@ class _Meters:
 
     @classmethod
     def of(cls, recording: Recording) -> '_Meters':
-        """Return those of `recording`; none where nothing was commanded, or people told rates."""
+        """Return the meters of `recording`: none without commands, or with rates by hand."""
         measured, commanded = recording.measured, recording.announced
         if measured is None or not measured.rows or commanded is None or recording.by_hand:
             return cls(Schedule(()), {}, 0.0)
@@ -503,7 +503,7 @@ class _Meters:
         return cls(commanded, since, measured.rows[-1].time)
 
     def compare(self, period: RatePeriod, learner: RateLearner) -> None:
-        """Let `learner` compare what meters tell of a `period` with the commands meanwhile."""
+        """Let `learner` compare the measured rates of a `period` with the commands."""
         for now in np.arange(period.start, min(period.end, self.end), METER_S):
             begun = (well for well, since in self.since.items() if since <= now)
             told = {well: period.rates[well] for well in begun}
