@@ -25,7 +25,7 @@ from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import from_ml_h, to_ml_h
 from porotwin_core.clock.time_units import HOURS, MINUTES
 from porotwin_core.rates.fixed_pauses import FixedPauses
-from porotwin_core.rates.wells import RateStep, Schedule, WellRate
+from porotwin_core.rates.wells import RateStep, Schedule, ScheduleRow, WellRate
 from porotwin_hub.control.setpoint_limits import Limits
 from porotwin_recording.experiment.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
@@ -33,6 +33,7 @@ from porotwin_rig.map_camera import MapNoise
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_siblings.proposed_rates import proposed_plan
 from porotwin_siblings.zone_measure import ZoneMeasure
+from porotwin_solver.effects.rate import EFFECT as RATE
 
 
 @pytest.fixture(scope='module')
@@ -187,6 +188,57 @@ def test_a_proposal_rests_in_the_announced_pauses_of_a_well() -> None:
     assert rates == pytest.approx({0.0: 600.0, 600.0: 0.0, 1200.0: 600.0})
     producer = [step.rates['producer'].rate for step in found]
     assert producer[1] > producer[0], 'it takes out as much less'
+
+
+def forecast(recording: Recording, start: float, horizon: float) -> WhatIfStudy:
+    """Return a coarse study that proposes nothing."""
+    with ThreadPoolExecutor(2) as pool:
+        return study_what_if(
+            recording, start, [], cells=135, executor=pool, horizon=horizon, siblings=24
+        )
+
+
+def test_the_first_map_alone_is_a_state(recording: Recording) -> None:
+    found = forecast(recording, 0.0, 300.0)
+    assert found.start == 0.0
+    assert np.isfinite(found.present.zone_tracer).all()
+
+
+def test_meters_tell_what_the_commands_of_a_plan_deliver(recording: Recording) -> None:
+    pumped = recording.schedule
+
+    def commanded(row: ScheduleRow) -> ScheduleRow:
+        return replace(row, rate=replace(row.rate, rate=row.rate.rate / 0.6))
+
+    high = Schedule(tuple(map(commanded, pumped.rows)))
+    rows = [(time, pumped.at(time)) for time in np.arange(0.0, 2401.0, 300.0)]
+    metered = replace(recording, commanded=high, measured=Schedule.from_rates(rows))
+    found, usual = (forecast(one, 1200.0, 600.0) for one in (metered, recording))
+    for well in ('injector', 'producer'):
+        assert found.rate_factors[well].metered == pytest.approx(0.6)
+    np.testing.assert_allclose(found.present.mean, usual.present.mean, atol=1e-3)
+    told = forecast(replace(metered, by_hand=True), 600.0, 300.0)
+    assert told.rate_factors['injector'].metered == 1.0, 'a person may be late'
+
+
+def test_a_well_without_a_meter_is_not_taken_as_measured(recording: Recording) -> None:
+    rows = [ScheduleRow(time, 'control1', WellRate()) for time in (0.0, 1200.0, 2400.0)]
+    found, usual = (
+        forecast(one, 1200.0, 300.0)
+        for one in (replace(recording, measured=Schedule(tuple(rows))), recording)
+    )
+    assert found.rate_factors == usual.rate_factors
+
+
+def test_an_effect_that_begins_later_is_not_learnt_as_a_pump(recording: Recording) -> None:
+    def acting_from(since: float) -> Recording:
+        rate = RATE.described(well='injector', factor=2.0, since=since)
+        return replace(recording, rig=recording.rig.with_effects([rate]))
+
+    usual, late = (forecast(one, 1200.0, 900.0) for one in (recording, acting_from(1500.0)))
+    assert late.rate_factors == usual.rate_factors
+    assert late.present.mean[-1].sum() > 1.1 * usual.present.mean[-1].sum()
+    assert forecast(acting_from(300.0), 1500.0, 60.0).rate_factors['injector'].factor < 0.9
 
 
 def test_a_moment_beyond_the_recording_is_refused(recording: Recording) -> None:

@@ -159,6 +159,11 @@ def test_beliefs_about_pumps_survive_and_impossible_ones_are_refused() -> None:
         messages[0].deviation = wrong
         with pytest.raises(InputError, match="pump of well 'injector'"):
             conversions.pumps_from_msg(messages)
+    messages[0].deviation = 0.02
+    for wrong in (1e-308, 1e308):
+        messages[0].metered = wrong
+        with pytest.raises(InputError, match='factors from 1e-06 to 1e\\+06'):
+            conversions.pumps_from_msg(messages)
 
 
 def test_a_refusal_is_one_line() -> None:

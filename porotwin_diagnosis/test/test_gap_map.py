@@ -1,5 +1,7 @@
 """The map of the gap: hot spots and phases of known effects."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from diagnosis_examples import CHASE, DENSER, SMALL, commanded, recorded, with_frames
@@ -36,6 +38,14 @@ def test_a_blocked_view_makes_no_gap(quiet):
     maps[15] = np.nan
     blocked = map_gap(with_frames(recording, recording.times, maps)).strength
     assert np.linalg.norm(blocked) < 1.5 * np.linalg.norm(free)
+
+
+def test_an_effect_makes_no_gap_before_its_onset(quiet):
+    recording = open_recording(quiet)
+    values = {'well': 'injector', 'factor': 2.0, 'since': float(recording.times[-1])}
+    late = recording.rig.with_effects([EffectDescription(name='rate', parameters=values)])
+    found, usual = (map_gap(replace(recording, rig=rig)) for rig in (late, recording.rig))
+    np.testing.assert_array_equal(found.strength, usual.strength)
 
 
 def test_photographs_in_quick_succession_do_not_change_the_map(tmp_path):

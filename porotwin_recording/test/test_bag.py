@@ -69,6 +69,7 @@ def test_a_live_bag_counts_time_from_its_clean_start(tmp_path: Path) -> None:
     assert recording.schedule.rows == (ScheduleRow(0.0, 'in', WellRate(1e-7, 1.0)),)
     pumped = WellRate(0.9e-7, 1.0)
     assert recording.measured == Schedule(tuple(ScheduleRow(at, 'in', pumped) for at in (0.0, 2.0)))
+    assert not recording.by_hand
 
 
 def clean(stamp: int, cause: int = CleanState.START) -> object:
@@ -286,6 +287,7 @@ def test_rates_that_the_hub_ignored_are_left_out(tmp_path: Path) -> None:
     recording = open_recording(tmp_path / 'run.mcap')
     assert recording.measured is not None
     assert [(row.time, row.rate.rate) for row in recording.measured.rows] == [(0, 1e-7), (3, 3e-7)]
+    assert recording.by_hand
     assert len(recording.remarks) == 1
     assert "2 messages of rates left out: well 'in': well rate nan" in recording.remarks[0]
 

@@ -3,20 +3,22 @@
 A `CourseOrder` can be pickled, so any executor may run it: threads, processes, or a Dask cluster.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from porotwin_core.geometry.grid import FloatArray, Grid
+from porotwin_core.model.effect_parameter import onset
 from porotwin_core.rates.delivered_rates import delivered
 from porotwin_core.rates.rate_periods import RatePeriod
 from porotwin_core.rig import Rig
 from porotwin_siblings.unknowns import Sibling
 from porotwin_siblings.zone_measure import ZoneMeasure
 from porotwin_solver.coefficients.physics import Physics
-from porotwin_solver.effects import described_physics, physics_on_top
+from porotwin_solver.effects import described_physics, physics_on_top, rig_at
 from porotwin_solver.model.engine import Engine, State
 from porotwin_solver.transport.scheme import Scheme
 
@@ -66,15 +68,20 @@ def run_course(order: CourseOrder) -> Course:
     Raises:
         InputError: as `Engine.advance`.
     """
-    engine, factors = engine_of(order.rig, order.grid, order.sibling)
     state = State.equilibrium(np.asarray(order.initial, dtype=float))
     tracer, area, maps = [], [], []
     moments = sorted({*order.times, *order.map_times})
     now = order.periods[0].start
+    rig = rig_at(order.rig, now)
+    engine, factors = engine_of(rig, order.grid, order.sibling)
+    periods = _divided(order.periods, sorted({onset(one) for one in order.rig.effects}))
     for moment in moments:
-        for period in order.periods:
+        for period in periods:
             low, high = max(period.start, now), min(period.end, moment)
             if high > low:
+                if (then := rig_at(order.rig, low)).effects != rig.effects:
+                    rig = then
+                    engine, factors = engine_of(rig, order.grid, order.sibling)
                 rates = delivered(period.rates, factors, closed=order.rig.closed)
                 engine.advance(state, rates, high - low)
         now = max(now, moment)
@@ -85,6 +92,15 @@ def run_course(order: CourseOrder) -> Course:
         if moment in order.map_times:
             maps.append(seen.copy())
     return Course(np.array(tracer), np.array(area), np.array(maps).reshape(-1, *order.grid.shape))
+
+
+def _divided(periods: Sequence[RatePeriod], onsets: Sequence[float]) -> list[RatePeriod]:
+    """Return `periods`, divided at the `onsets` [s] of effects, which increase."""
+    return [
+        RatePeriod(low, high, rates)
+        for start, end, rates in periods
+        for low, high in pairwise([start, *(one for one in onsets if start < one < end), end])
+    ]
 
 
 def engine_of(rig: Rig, grid: Grid, sibling: Sibling) -> tuple[Engine, Mapping[str, float]]:

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.geometry.map_blocks import Blocks, error_variance
 from porotwin_core.rates.delivered_rates import MEMORY_S, PumpFactor
@@ -44,13 +45,13 @@ class Learning:
         self._unknowns = unknowns
         self._grid = grid
         self._blocks = Blocks.of(grid)
-        self._prior = Belief.independent(np.zeros(unknowns.count), np.ones(unknowns.count))
         self._scores = standard_scores(unknowns.count, count, seed=1)
         self.begin_anew()
 
     def begin_anew(self) -> None:
         """Forget everything."""
-        self.belief = self._prior
+        count = self._unknowns.count
+        self.belief = self._prior = Belief.independent(np.zeros(count), np.ones(count))
         self.inflation = 1.0
         self.believe({})
 
@@ -66,7 +67,8 @@ class Learning:
             for well, (place, step) in self._unknowns.pumps.items()
         ]
         places, mean, deviation = np.array(told).reshape(-1, 3).T
-        self._pumps = places.astype(int), mean, deviation
+        # a belief without any doubt could never change again: its covariance would be singular
+        self._pumps = places.astype(int), mean, np.maximum(deviation, WRITTEN_ROUND_OFF)
         self._prior = self._prior.with_marginal(*self._pumps, linear=MOST_INFLATION)
         self.belief = self.belief.with_marginal(*self._pumps, linear=MOST_INFLATION)
 

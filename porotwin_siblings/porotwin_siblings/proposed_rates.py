@@ -1,7 +1,7 @@
 """Proposed rates: their checks, and the plan that they make beside the present one."""
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import DAY_S
@@ -41,10 +41,20 @@ def check_steps(steps: Sequence[RateStep]) -> None:
             )
 
 
-def check_balance(plan: Sequence[RateStep], present: Sequence[RateStep], rig: Rig) -> None:
+def after_the_state(start: float) -> str:
+    """Return the words for `start` [s] after the state."""
+    return f'{start:g} s after the state'
+
+
+def check_balance(
+    plan: Sequence[RateStep],
+    present: Sequence[RateStep],
+    rig: Rig,
+    moment: Callable[[float], str] = after_the_state,
+) -> None:
     """Return if the proposed `plan` can be in a closed rig: as much is injected as produced.
 
-    Rates of the `present` plan are as they are.
+    Rates of the `present` plan are as they are. `moment` puts the start of a step into words.
 
     Raises:
         InputError: a step of the plan does not balance, and all sides of the rig are closed.
@@ -58,8 +68,8 @@ def check_balance(plan: Sequence[RateStep], present: Sequence[RateStep], rig: Ri
             producer = rig.control.producer if rig.control is not None else None
             remedy = f'leave out {producer}, which then balances' if producer else 'balance them'
             raise InputError(
-                f'proposal: {words} from {step.start / 60.0:.4g} min after the state '
-                f'on, but all sides of the rig are closed; {remedy}, or open a side in rig.yaml'
+                f'proposal: {words} from {moment(step.start)} on, but all sides of the rig are '
+                f'closed; {remedy}, or open a side in rig.yaml'
             )
 
 
@@ -81,8 +91,15 @@ def concentration_note(plans: Iterable[Sequence[RateStep]], rig: Rig) -> str:
     return f'note: {told}; the forecast follows the rates (0 is water, 1 is stock)'
 
 
-def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:
+def check_proposal(
+    steps: Sequence[RateStep],
+    horizon: float,
+    rig: Rig,
+    moment: Callable[[float], str] = after_the_state,
+) -> None:
     """Return if proposed `steps` may be run over `horizon` [s] on `rig`.
+
+    `moment` puts the start of a step into words.
 
     Raises:
         InputError: the horizon is too long, a step lies beyond it or before the state, or a rate is
@@ -97,12 +114,12 @@ def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:
         refuse_impossible(step.rates, rig)
         if not step.start >= 0.0:
             raise InputError(
-                f'proposal: a change {step.start:g} s after the state lies before the state; '
+                f'proposal: a change at {moment(step.start)} lies before the state; '
                 'give a time of 0 s or more'
             )
         if step.start >= horizon:
             raise InputError(
-                f'proposal: a change {step.start:g} s after the state lies beyond the horizon of '
+                f'proposal: a change at {moment(step.start)} lies beyond the horizon of '
                 f'{horizon:g} s; give an earlier time or a longer horizon'
             )
 
@@ -113,17 +130,17 @@ def proposed_plan(
     """Return the plan of a proposal beside the `present` plan.
 
     A well that no step has named yet follows the present plan. A named one keeps its proposed rate
-    until the next step that names it. A `producer` without a step takes out all that the other
-    wells inject, as soon as a rate differs from the present plan.
+    until the next step that names it. Until a step names it, a `producer` takes out all that the
+    other wells inject, as soon as a rate differs from the present plan.
     """
-    named = {name for step in steps for name in step.rates}
     plan: list[RateStep] = []
     for start in sorted({step.start for step in (*present, *steps)}):
         before = planned_rates(present, start)
-        rates: dict[str, WellRate] = dict(before)
+        named: dict[str, WellRate] = {}
         for step in steps:
             if step.start <= start:
-                rates.update(step.rates)
+                named.update(step.rates)
+        rates = {**before, **named}
         if producer is not None and producer not in named and not same_rates(rates, before):
             others = {name: rate for name, rate in rates.items() if name != producer}
             rates[producer] = WellRate(-net_rate(others))

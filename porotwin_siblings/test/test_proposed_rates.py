@@ -32,6 +32,9 @@ def test_wells_that_a_proposal_leaves_out_keep_their_rates_and_the_producer_bala
     named = [RateStep(0.0, {'a': WellRate(3e-7), 'out': WellRate(-1e-7)})]
     assert proposed_plan(named, present, 'out')[0].rates['out'].rate == -1e-7
     assert proposed_plan([], present, 'out') == tuple(present)
+    later = [*steps, RateStep(90.0, {'out': WellRate(-2e-7)})]
+    rates = [step.rates['out'].rate for step in proposed_plan(later, present, 'out')]
+    assert rates == pytest.approx([-1e-7, -3e-7, -2e-7]), 'it balances until it is named'
 
 
 def test_wells_that_a_proposal_leaves_out_follow_the_present_plan() -> None:
@@ -48,10 +51,10 @@ def test_wells_that_a_proposal_leaves_out_follow_the_present_plan() -> None:
         (0.0, 1e9, 600.0, "well 'control1': 1e\\+09 ml/h is not plausible"),
         (0.0, 300.0, 1e9, 'horizon 1e\\+09 s: must be above 0 and at most 86400 s'),
         (0.0, 300.0, 0.0, 'horizon 0 s'),
-        (-100.0, 300.0, 600.0, 'a change -100 s after the state lies before the state'),
-        (float('nan'), 300.0, 600.0, 'a change nan s after the state'),
+        (-100.0, 300.0, 600.0, 'a change at -100 s after the state lies before the state'),
+        (float('nan'), 300.0, 600.0, 'a change at nan s after the state'),
         (0.0, -300.0, 600.0, "'control1': -300 ml/h has the wrong sign"),
-        (900.0, 300.0, 600.0, 'a change 900 s after the state lies beyond the horizon of 600 s'),
+        (900.0, 300.0, 600.0, 'a change at 900 s after the state lies beyond the horizon of 600 s'),
     ],
 )
 def test_a_proposal_without_end_is_refused(
@@ -84,8 +87,12 @@ def test_a_closed_rig_refuses_rates_that_do_not_balance() -> None:
         check_balance(plan, present, closed)
     check_balance(plans[2], present, RIG)
     check_balance(plans[2], plans[2], closed)
-    with pytest.raises(InputError, match=r'200 ml/h more is injected than produced from 1 min'):
+    with pytest.raises(
+        InputError, match=r'200 ml/h more is injected than produced from 60 s after'
+    ):
         check_balance(plans[2], present, closed)
+    with pytest.raises(InputError, match=r'produced from 1060 on'):
+        check_balance(plans[2], present, closed, lambda after: f'{1000.0 + after:g}')
 
 
 def test_another_concentration_than_that_of_rig_yaml_is_noted() -> None:

@@ -3,6 +3,7 @@
 import pickle
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,14 @@ from siblings_examples import EMPTY, GRID, RATES, RIG, period, photograph
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.delivered_rates import PumpFactor
 from porotwin_core.rates.wells import RateStep, WellRate
+from porotwin_core.rig import Rig
 from porotwin_siblings.course import CourseOrder, run_course, sibling_physics
 from porotwin_siblings.expected_cost import chosen_judges
+from porotwin_siblings.learning import Learning
 from porotwin_siblings.outlook import Outlook, answers
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.siblings import Siblings
-from porotwin_siblings.unknowns import Sibling
+from porotwin_siblings.unknowns import Sibling, Unknowns
 from porotwin_solver.effects.dispersion import MOST_BELIEVED_M
 from porotwin_solver.effects.permeability import EFFECT as PERMEABILITY
 from porotwin_solver.effects.rate import EFFECT as RATE
@@ -66,6 +69,38 @@ def believed(siblings: Siblings, well: str) -> tuple[float, float]:
     """Return mean and deviation of the log of a rate factor, over all siblings."""
     logs = np.log([one.rate_factors[well] for one in siblings.learning.members()])
     return float(logs.mean()), float(logs.std())
+
+
+def test_a_pump_without_doubt_can_be_doubted_again() -> None:
+    learning = Learning(Unknowns.of(RIG), GRID, 32)
+    before = learning.belief
+    for deviation in (1e-12, 1e-300, 0.03):
+        learning.believe({'injector': PumpFactor(0.9, deviation, 1.0)})
+        assert np.isfinite([*learning.mean().rate_factors.values()]).all()
+    place, step = learning._unknowns.pumps['injector']
+    assert learning.belief.deviation[place] * step == pytest.approx(0.03 / 0.9)
+    learning.belief = learning._prior = replace(
+        before, covariance=np.full_like(before.covariance, np.nan)
+    )
+    learning.begin_anew()
+    np.testing.assert_allclose(learning.belief.covariance, before.covariance)
+
+
+def test_an_effect_acts_from_its_onset_on() -> None:
+    def course(rig: Rig, initial: np.ndarray, start: float, end: float) -> np.ndarray:
+        sibling = Sibling(photograph_error=0.0)
+        order = CourseOrder(rig, GRID, sibling, initial, (period(start, end),), map_times=(end,))
+        return run_course(order).maps[0]
+
+    late, always = (
+        RIG.with_effects([RATE.described(well='injector', factor=2.0, since=since)])
+        for since in (900.0, 0.0)
+    )
+    before = course(RIG, EMPTY, 0.0, 900.0)
+    np.testing.assert_array_equal(course(late, EMPTY, 0.0, 900.0), before)
+    whole, parts = course(late, EMPTY, 0.0, 1800.0), course(always, before, 900.0, 1800.0)
+    np.testing.assert_allclose(whole, parts, atol=1e-6)
+    assert whole.sum() > 1.2 * course(RIG, EMPTY, 0.0, 1800.0).sum()
 
 
 @pytest.fixture(scope='module')

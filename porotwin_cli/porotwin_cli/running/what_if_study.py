@@ -57,10 +57,13 @@ from porotwin_siblings.proposed_rates import (
 )
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import REACHED_SHARE, ZoneMeasure
-from porotwin_solver.effects import tracer_storage
+from porotwin_solver.effects import rig_at, tracer_storage
 from porotwin_solver.model.model import Model
 from porotwin_solver.model.rates_into_sand import rates_of_pumps
 from porotwin_solver.model.water_balance import WaterBalance, water_balance
+
+METER_S = 30.0
+"""Time between two measurements of a pump [s], as the pumps of a rig send them."""
 
 NO_ZONE = (
     'rig.yaml names no zone that tracer must stay out of (control.zone): the picture compares the '
@@ -122,8 +125,9 @@ class WhatIfStudy:
         return bool(np.isfinite(self.seen_tracer).all())
 
     def balance(self, rates: WellRates) -> WaterBalance | None:
-        """Return the water balance at `rates` [m^3/s] on the grid of the siblings."""
-        return water_balance(self.rig, self.grid, rates)
+        """Return the water balance at `rates` [m^3/s] on the grid of the siblings, at the end."""
+        rig = rig_at(self.rig, self.start + float(self.present.times[-1]))
+        return water_balance(rig, self.grid, rates)
 
     def pumped_plan(self, outlook: Outlook) -> list[RateStep]:
         """Return the plan of `outlook` without steps at which only levels of water change."""
@@ -289,7 +293,7 @@ def study_what_if(
     newest = max(int(np.searchsorted(times, start + SAME_MOMENT_S, side='right')) - 1, 0)
     begin = float(times[newest])
     horizon = horizon_ahead(recording, start, horizon)
-    check_proposal(steps, horizon, recording.rig)
+    check_proposal(steps, horizon, recording.rig, lambda after: unit.precise(start + after))
     ahead = start + horizon - begin
     if not ahead > 0.0:  # the state is of the first map, which may be later than `start`
         raise InputError(
@@ -300,8 +304,8 @@ def study_what_if(
     producer = recording.rig.control.producer if recording.rig.control is not None else None
     proposed = proposed_plan(later_steps(steps, start - begin), present, producer)
     proposed = FixedPauses.of(recording.rig).rested_plan(proposed, begin, ahead)
-    check_balance(proposed, present, recording.rig)
     unit = time_unit(begin + ahead)
+    check_balance(proposed, present, recording.rig, lambda after: unit.precise(begin + after))
     objections = objections_to(recording.rig, proposed, present, begin, unit)
     for line in objections:
         objected(line)
@@ -413,7 +417,8 @@ def _learn(
 ) -> dict[str, PumpFactor]:
     """Let the siblings learn from the maps up to number `newest`; return the rate factors.
 
-    A hub beside them learns these. It predicts and does not control.
+    A hub beside them learns these. It predicts and does not control. Where an effect of rig.yaml
+    begins, its next state follows from no earlier one.
     """
     stride = max(1, newest // MOST_TIMES)
     chosen = [*range(newest % stride, newest, stride), newest]
@@ -422,10 +427,13 @@ def _learn(
     delivered = recording.delivered
     rig, grid = family.rig, family.grid
     learner = RateLearner(rate_deviations(rig), grid, closed=rig.closed)
+    meters = _Meters.of(recording)
+    model = Model(rig, grid, preset=PLAN_PRESET)
+    physics = _ModelInForce(model)
     hub = Twin(
-        Model(rig, grid, preset=PLAN_PRESET),
+        physics,
         no_correction,
-        photo_interval=recording_step(recording.times[chosen]),
+        photo_interval=recording_step(recording.times[chosen]) or recording_step(recording.times),
         rates=RateHistory.of(rig),
         state_filter=StateFilter(tracer_storage(rig, grid), (grid.dz, grid.dx)),
         learner=learner,
@@ -437,6 +445,11 @@ def _learn(
             if before is None
             else [RatePeriod(*period) for period in delivered.intervals(before, now)]
         )
+        if physics.model is not (acting := model.at(now)):
+            hub.interrupt()
+            physics.model = acting
+        for period in periods:
+            meters.compare(period, learner)
         parts = _map(maps, number)
         values, *deviations = parts
         coarse = [
@@ -444,12 +457,57 @@ def _learn(
         ]
         hub.cycle(
             Observation(now, conservative_resample(values, grid.shape), *coarse),
-            [KnownRates(begin, begin, told) for begin, _, told in periods],
+            [KnownRates(begin, begin, learner.told(rates)) for begin, _, rates in periods],
         )
         family.observe(Photograph.of(now, *parts), periods, learner.factors)
         before = now
         learnt(count, len(chosen))
     return learner.factors
+
+
+@dataclass
+class _ModelInForce:
+    """Predicts with the `model` that has the effects of the moment."""
+
+    model: Model
+
+    def predict(self, concentration: FloatArray, rates: WellRates, time_step: float) -> FloatArray:
+        """Return the prediction (nz, nx) [-] after `time_step` [s]."""
+        return self.model.predict(concentration, rates, time_step)
+
+    def correct(
+        self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
+    ) -> FloatArray:
+        """Return the corrected prediction (nz, nx) [-] with the source `sigma` [1/s]."""
+        return self.model.correct(previous, sigma, rates, time_step)
+
+
+@dataclass(frozen=True)
+class _Meters:
+    """The meters of a recording, beside the rates that were `commanded`.
+
+    They tell the rate of each well from its time in `since` [s] on, and end with `end` [s].
+    """
+
+    commanded: Schedule
+    since: dict[str, float]
+    end: float
+
+    @classmethod
+    def of(cls, recording: Recording) -> '_Meters':
+        """Return the meters of `recording`: none without commands, or with rates by hand."""
+        measured, commanded = recording.measured, recording.announced
+        if measured is None or not measured.rows or commanded is None or recording.by_hand:
+            return cls(Schedule(()), {}, 0.0)
+        since = {row.well: row.time for row in reversed(measured.rows)}
+        return cls(commanded, since, measured.rows[-1].time)
+
+    def compare(self, period: RatePeriod, learner: RateLearner) -> None:
+        """Let `learner` compare the measured rates of a `period` with the commands."""
+        for now in np.arange(period.start, min(period.end, self.end), METER_S):
+            begun = (well for well, since in self.since.items() if since <= now)
+            told = {well: period.rates[well] for well in begun}
+            learner.meter(told, self.commanded.at(now))
 
 
 def _map(maps: ConcentrationMaps, number: int) -> tuple[FloatArray, Any, Any]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import WRITTEN_ROUND_OFF
 from porotwin_core.basis.units import MINUTE_S, ML, to_ml_h, to_ml_min
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.geometry.zone_shapes import PictureZone
@@ -170,12 +171,17 @@ def pumps_from_msg(messages: Iterable[Any]) -> dict[str, PumpFactor]:
     """Return the rate factors of the pumps by well.
 
     Raises:
-        InputError: a number is not finite or not above 0.
+        InputError: a number is not above 0, or a factor is as good as 0 or endless.
     """
     pumps = {one.well: PumpFactor(one.factor, one.deviation, one.metered) for one in messages}
     for well, pump in pumps.items():
-        if not all(0.0 < number < math.inf for number in pump):
-            raise InputError(f"pump of well '{well}': {tuple(pump)}; send finite numbers above 0")
+        least, most = WRITTEN_ROUND_OFF, 1.0 / WRITTEN_ROUND_OFF
+        factors = all(least <= number <= most for number in (pump.factor, pump.metered))
+        if not (factors and 0.0 < pump.deviation <= most):
+            raise InputError(
+                f"pump of well '{well}': {tuple(pump)}; send a deviation above 0, and factors from "
+                f'{least:g} to {most:g}'
+            )
     return pumps
 
 

@@ -150,7 +150,7 @@ def _one_step_residuals(
     for (before, after), (seen_before, seen_after), (start, end) in pairs:
         predicted = before
         for low, high, rates in recording.delivered.intervals(start, end):
-            predicted = model.predict(predicted, rates, high - low)
+            predicted = model.at(low).predict(predicted, rates, high - low)
         residual = (after - predicted) * seen_before * seen_after
         weak = gaussian_filter(residual, TEST_FUNCTION_WIDTH) / (end - start)
         # white noise of two frames, damped by a Gaussian of width w by the factor 1 / (4 pi w^2)

@@ -115,6 +115,8 @@ def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) 
         photos=_photos(bag, chosen, start),
         remarks=(*bag.remarks, *left_out[:1]),
         replaced_rig=replaced,
+        by_hand=not collector.imported
+        and all(one.is_order or one.end <= one.start for one in chosen.told),
     )
 
 

@@ -29,6 +29,7 @@ class RecordedData:
         remarks: faults of the recording that did not prevent reading it, one line each.
         replaced_rig: the description that the recording holds, if `rig` was given instead.
         readings: readings of the outflow and of pressures, ordered by time.
+        by_hand: whether people told all `measured` rates, and no meter did.
     """
 
     rig: Rig
@@ -39,6 +40,7 @@ class RecordedData:
     remarks: tuple[str, ...] = ()
     replaced_rig: Rig | None = None
     readings: tuple[GaugeReading, ...] = ()
+    by_hand: bool = False
 
     @property
     def announced(self) -> Schedule | None:

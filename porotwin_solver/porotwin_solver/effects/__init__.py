@@ -15,6 +15,7 @@ from porotwin_solver.effects.definition.registry import (
     parse_effect,
     parse_effects,
     physics_on_top,
+    rig_at,
     tracer_storage,
 )
 
@@ -30,5 +31,6 @@ __all__ = [
     'parse_effect',
     'parse_effects',
     'physics_on_top',
+    'rig_at',
     'tracer_storage',
 ]

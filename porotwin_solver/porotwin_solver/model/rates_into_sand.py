@@ -8,7 +8,7 @@ from porotwin_core.rates.wells import Schedule, WellRates
 from porotwin_core.rig import Rig
 from porotwin_solver.coefficients.physics import Physics
 from porotwin_solver.coefficients.tubes import through_tubes
-from porotwin_solver.effects import acting, described_physics
+from porotwin_solver.effects import described_physics, rig_at
 
 
 def rates_of_pumps(rig: Rig, schedule: Schedule) -> Schedule:
@@ -40,10 +40,7 @@ def _changed(
     """Return `schedule` with the `change` by the effects that act at each time."""
     grid = rig.default_grid()
     begins = sorted({0.0, *map(onset, rig.effects)})
-    models = [
-        described_physics(rig.model_copy(update={'effects': acting(rig.effects, time)}), grid)
-        for time in begins
-    ]
+    models = [described_physics(rig_at(rig, time), grid) for time in begins]
     first = min((row.time for row in schedule.rows), default=0.0)
     times = sorted({*(row.time for row in schedule.rows), *(one for one in begins if one > first)})
     changed = Schedule.from_rates(

@@ -140,6 +140,11 @@ def acting(descriptions: Iterable[EffectDescription], time: float) -> tuple[Effe
     return tuple(one for one in descriptions if onset(one) <= max(time, 0.0))
 
 
+def rig_at(rig: Rig, time: float) -> Rig:
+    """Return `rig` with those of its effects that act at `time` [s]."""
+    return rig.model_copy(update={'effects': acting(rig.effects, time)})
+
+
 def _members(
     descriptions: Iterable[EffectDescription],
 ) -> Iterator[tuple[Effect, dict[str, float | str]]]:
