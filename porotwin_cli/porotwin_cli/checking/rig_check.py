@@ -153,7 +153,7 @@ def check(
         with gathered_warnings() as unread:
             known = replace(data.known(), rig=_modelled(rig))
             told = remarks_about_known(known, OF_TABLES | OF_MAPS)
-        remarks += [replace(one, refused=one.refused or one.code == NO_PREDICTION) for one in told]
+        remarks += told
         remarks += [_told(text, kind) for text in unread]
         remarks += [_told(text, kind) for text in data.remarks]
     cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
@@ -163,7 +163,8 @@ def check(
     if not any(remark.refused for remark in remarks):
         known = replace(_known(rig, data), chosen_cells=cells)
         remarks += _uses(rig, cells, _known_rates(rig, data).busiest)
-        remarks += remarks_about_known(known, OF_RIG)
+        told = remarks_about_known(known, OF_RIG)
+        remarks += [replace(one, refused=one.refused or one.code == NO_PREDICTION) for one in told]
         if data is not None and data.photos:
             seen = SeenPhotos().of(data.photos)
             remarks += remarks_about_known(replace(known, seen_photos=seen), OF_PHOTOGRAPHS)
