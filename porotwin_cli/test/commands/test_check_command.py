@@ -530,6 +530,26 @@ def test_a_damaged_baseline_photograph_is_one_remark(tmp_path: Path, cut: bool, 
     assert told in remark.code + remark.why
 
 
+def test_photographs_without_a_baseline_are_impossible_until_there_are_maps(
+    experiment: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / 'listed'
+    shutil.copytree(experiment, folder)
+    text = (folder / 'imaging.csv').read_text()
+    (folder / 'imaging.csv').write_text(text.replace(',baseline', ',state'))
+    assert check(folder).runs
+    (folder / 'concentration.nc').unlink()
+    assert check(folder).remarks[0].code == 'no_baseline'
+    assert not check(folder).runs
+
+
+def test_a_list_without_a_photograph_is_odd(experiment: Path, tmp_path: Path) -> None:
+    folder = tmp_path / 'empty'
+    shutil.copytree(experiment, folder)
+    (folder / 'imaging.csv').write_text('time_s,path,role\n')
+    assert any('lists no photograph' in str(remark) for remark in check(folder).remarks)
+
+
 def test_a_cut_state_photograph_is_a_remark(experiment: Path, tmp_path: Path) -> None:
     folder = tmp_path / 'cut'
     shutil.copytree(experiment, folder)
