@@ -326,7 +326,7 @@ def in_words(checked: CheckedRig) -> list[str]:
         lines += fixed_wells_in_words(checked.rig)
     rates = announced_rates(checked)
     if rates.rows and (end := last_time(checked.rig, checked.data)):
-        lines.append(plan_words(rates, end))
+        lines.append(plan_words(rates, _into_sand(checked.rig, rates), end))
     if (words := stock_words(checked)) is not None:
         lines.append(words)
     if checked.data is not None and checked.data.maps is not None:
@@ -381,12 +381,17 @@ def balance_of(checked: CheckedRig) -> WaterBalance | None:
     return water_balance(rig, checked.grid, rates.busiest)
 
 
+def _into_sand(rig: Rig, rates: Schedule) -> Schedule:
+    """Return the `rates` that reach the sand by the effects of `rig`."""
+    return Known(rig=rig, pumped=rates).rates or rates
+
+
 def fixed_wells_in_words(rig: Rig) -> list[str]:
     """Return the injection of the fixed wells by `rig.yaml` alone; none without an end."""
     if rig.control is None or rig.control.end_min is None:
         return []
     end = MINUTE_S * rig.control.end_min
-    stock = uncontrolled_rates(rig).injected_stock(0.0, end)
+    stock = _into_sand(rig, uncontrolled_rates(rig)).injected_stock(0.0, end)
     return [f'injected by the fixed wells: {stock * ML:.4g} ml of stock, until {end:g} s']
 
 

@@ -107,7 +107,7 @@ def command(
             print('* without baselines')
         if any(entry.kind == 'bag' for entry in readable):
             print(
-                f'{BY_INDEX} of a bag: by the index at its end; damage before that shows when it is read'
+                f'{BY_INDEX} of a bag: by the index at its end; earlier damage shows when it is read'
             )
         if any(entry.start is None for entry in readable):
             print(f'{OF_FILES} date of its files, as it tells none itself; copies may be younger')

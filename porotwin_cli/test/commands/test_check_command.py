@@ -322,6 +322,20 @@ def test_rates_that_a_closed_rig_cannot_have_are_impossible(tmp_path: Path) -> N
     assert pumped(tmp_path, '800 500').runs
 
 
+def test_all_volumes_are_those_that_reach_the_sand(tmp_path: Path) -> None:
+    weak = [{'name': 'rate', 'parameters': {'well': 'injector', 'factor': 0.5}}]
+    lines = in_words(pumped(tmp_path, '600 600', effects=weak))
+    assert any('150 ml of stock' in line for line in lines)
+    assert any('injector +150 ml, producer -300 ml' in line for line in lines)
+    (tmp_path / 'rates.csv').unlink()
+    fixed = {'injector': {'rate_ml_h': 600.0, 'concentration': 1.0}}
+    base = yaml.safe_load((tmp_path / 'rig.yaml').read_text())
+    changed(tmp_path, effects=weak, control={**base['control'], 'fixed': fixed, 'end_min': 30})
+    lines = in_words(check(tmp_path))
+    assert any('150 ml of stock' in line for line in lines)
+    assert any('injector +150 ml' in line for line in lines)
+
+
 def test_a_leak_that_no_well_of_a_closed_rig_balances_is_impossible(tmp_path: Path) -> None:
     leak = [{'name': 'leak', 'parameters': {'x': 0.4, 'z': 0.2, 'rate': -50.0}}]
     checked = pumped(tmp_path, '500 500', boundaries={'top': 'closed'}, effects=leak)
