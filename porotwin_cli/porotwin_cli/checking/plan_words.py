@@ -25,7 +25,7 @@ def place_words(rig: Rig) -> str:
 def plan_words(rates: Schedule, into_sand: Schedule, end: float) -> str:
     """Return one line: when the `rates` change until `end` [s], and the volume of each well.
 
-    The volumes are those of the rates `into_sand`.
+    The rates `into_sand` tell the volumes.
     """
     volumes = dict.fromkeys(rates.wells, 0.0)
     for low, high, held in into_sand.intervals(0.0, end):

@@ -83,8 +83,8 @@ NO_PREDICTION = 'unbalanced_rates'
 `check` answers for a prediction, so that it refuses them."""
 
 NO_MAPS = ('no_baseline', 'damaged_baseline')
-"""Codes of remarks about photographs of which `image` makes no maps, while a recording that has
-maps needs none."""
+"""Codes of remarks about photographs without which `image` makes no maps. A recording with maps
+needs none of them."""
 
 OTHER_FILE = (
     'check reads a rig.yaml, an experiment folder or an MCAP bag, and this is another file; '
@@ -192,7 +192,7 @@ def check(
 
 
 def _judged(found: Iterable[Remark], data: RecordedData | None) -> list[Remark]:
-    """Return remarks, refused also where `image` or a prediction refuses what they tell."""
+    """Return remarks; `image` or a prediction would refuse some of them, and so does `check`."""
     codes = (NO_PREDICTION, *(NO_MAPS if data is not None and data.maps is None else ()))
     return [replace(one, refused=one.refused or one.code in codes) for one in found]
 
@@ -378,7 +378,12 @@ def balance_of(checked: CheckedRig) -> WaterBalance | None:
     rig, rates = _acting(checked.rig, checked.data), _known_rates(checked.rig, checked.data)
     if not (rates.busiest or not resting_water(rig)):
         return None
-    return water_balance(rig, checked.grid, rates.busiest)
+    balance = water_balance(rig, checked.grid, rates.busiest)
+    if balance is None:  # an effect that begins later stops a pump that rests by then
+        then = acting(rig.effects, rates.busiest_time)
+        rig = rig.model_copy(update={'effects': then})
+        balance = water_balance(rig, checked.grid, rates.busiest)
+    return balance
 
 
 def _into_sand(rig: Rig, rates: Schedule) -> Schedule:

@@ -106,9 +106,7 @@ def command(
         if 'photos*' in titles:
             print('* without baselines')
         if any(entry.kind == 'bag' for entry in readable):
-            print(
-                f'{BY_INDEX} of a bag: by the index at its end; earlier damage shows when it is read'
-            )
+            print(f'{BY_INDEX} of a bag: by the index at its end; reading it shows earlier damage')
         if any(entry.start is None for entry in readable):
             print(f'{OF_FILES} date of its files, as it tells none itself; copies may be younger')
     for entry in entries:

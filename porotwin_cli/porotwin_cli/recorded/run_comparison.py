@@ -89,7 +89,7 @@ def _zone_figures(run: Recording) -> dict[str, float]:
     seen = np.stack([run.maps[number] for number in run.known().looked_at])
     (clean,) = measure_noise(seen).expected(np.zeros(1))
     left = np.array([zone.tracer(np.nan_to_num(one - clean)) for one in run.maps])
-    tracer = ML * np.maximum(left, 0.0)  # no map takes away what another one shows
+    tracer = ML * np.maximum(left, 0.0)  # noise is no negative tracer
     if not np.isfinite(tracer).all():
         return {}
     return {

@@ -322,6 +322,18 @@ def test_rates_that_a_closed_rig_cannot_have_are_impossible(tmp_path: Path) -> N
     assert pumped(tmp_path, '800 500').runs
 
 
+def test_a_pump_that_fails_while_it_rests_leaves_the_water_balance(tmp_path: Path) -> None:
+    values = {'well': 'producer', 'factor': 0.0, 'since': 1500.0}
+    late = [{'name': 'rate', 'parameters': values}]
+    assert not pumped(tmp_path, '500 500', boundaries={'top': 'closed'}, effects=late).runs
+    file = tmp_path / 'rates.csv'
+    rows = file.read_text()
+    file.write_text(rows.replace('1800,', '900,') + '1800,injector,0,0\n')
+    checked = check(tmp_path)
+    assert checked.runs
+    assert balance_of(checked) is not None
+
+
 def test_all_volumes_are_those_that_reach_the_sand(tmp_path: Path) -> None:
     weak = [{'name': 'rate', 'parameters': {'well': 'injector', 'factor': 0.5}}]
     lines = in_words(pumped(tmp_path, '600 600', effects=weak))
