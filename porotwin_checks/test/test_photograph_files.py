@@ -1,5 +1,9 @@
 """Files of photographs that are no pictures, are cut, differ in size or repeat another are told."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from box_rig import box_rig
 
@@ -52,6 +56,23 @@ def test_rows_of_equal_files_are_named_with_their_ends() -> None:
         {'first': 'i', 'last': 'j', 'photographs': 2},
     ]
     assert 'b to d (3 photographs), i to j (2 photographs)' in str(remark)
+
+
+def test_a_file_in_two_lines_counts_once_among_equal_files() -> None:
+    twice = [PhotoFile(name, SIZE, False, b'1') for name in ('./b', 'b', 'c')]
+    (remark,) = found(*twice)
+    assert [run['photographs'] for run in remark.facts['runs']] == [2]
+
+
+@pytest.mark.parametrize('size', [None, SIZE])
+def test_a_lost_baseline_is_impossible_unless_there_are_maps(size: tuple[int, int] | None) -> None:
+    files = [PhotoFile('b', size, True, b'2')]
+    listed = [SimpleNamespace(time=0.0, name='b', role='baseline')]
+    known = Known(rig=RIG, seen_photos=files, photos=listed)
+    with_maps = replace(known, times=[0.0], maps=np.zeros((1, 2, 2)))
+    assert [one.refused for one in CHECK.find(known)] == [True]
+    assert [one.refused for one in CHECK.find(with_maps)] == [False]
+    assert [one.refused for one in CHECK.find(replace(known, photos=()))] == [False]
 
 
 def test_photographs_without_a_place_of_the_rig_are_refused() -> None:

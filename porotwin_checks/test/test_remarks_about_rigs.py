@@ -26,12 +26,38 @@ def codes(known: Known) -> list[str]:
 def test_a_leak_of_a_closed_rig_is_impossible_unless_a_well_balances_it() -> None:
     closed = Known(rig=rig(LEAK))
     (remark,) = remarks_about(closed, OF_RIG)
-    assert (remark.code, remark.refused) == ('unbalanced_leaks', True)
-    assert remark.facts['leaks_ml_h'] == pytest.approx(-50.0)
+    assert (remark.code, remark.refused) == ('unbalanced_rates', True)
+    assert remark.facts['sum_ml_h'] == pytest.approx(-50.0)
+    assert remark.facts['effects'] == 'leak'
     balanced = Schedule((ScheduleRow(0.0, 'left', WellRate(50.0e-6 / 3600.0)),))
     assert codes(replace(closed, pumped=balanced)) == []
     assert codes(Known(rig=rig(LEAK, top='open'))) == []
     assert codes(Known(rig=rig())) == []
+
+
+def test_an_effect_that_begins_late_is_the_cause_from_then_on() -> None:
+    stops = EffectDescription(name='rate', parameters={'well': 'b', 'factor': 0.0, 'since': 300.0})
+    wells = {'a': WellRate(1e-8), 'b': WellRate(-1e-8)}
+    rests = dict.fromkeys(wells, WellRate())
+    two = box_rig(a=(0.1, 0.2), b=(0.4, 0.2))
+    closed = two.model_copy(update={'boundaries': rig().boundaries, 'effects': (stops,)})
+
+    def found(until: float) -> list[tuple[float, str, bool]]:
+        rates = Schedule.from_rates([(0.0, wells), (until, rests)])
+        told = remarks_about(Known(rig=closed, commanded=rates, pumped=rates), OF_RIG)
+        return [(one.facts['time_s'], one.facts['effects'], one.refused) for one in told]
+
+    assert found(600.0) == [(300.0, 'rate', True)]
+    assert found(300.0) == []
+
+
+def test_a_leak_may_go_on_when_the_wells_rest_at_the_end_but_not_before() -> None:
+    wells, rests = {'left': WellRate(50.0e-6 / 3600.0)}, {'left': WellRate()}
+    for last, expected in ((rests, []), ({'left': WellRate(1e-8)}, ['unbalanced_rates'])):
+        rates = Schedule.from_rates([(0.0, wells), (600.0, last)])
+        assert codes(Known(rig=rig(LEAK), commanded=rates, pumped=rates)) == expected
+    rates = Schedule.from_rates([(0.0, wells), (300.0, rests), (600.0, wells)])
+    assert codes(Known(rig=rig(LEAK), commanded=rates, pumped=rates)) == ['unbalanced_rates']
 
 
 def test_refused_effects_are_left_to_the_model() -> None:

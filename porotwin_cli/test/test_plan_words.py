@@ -36,7 +36,7 @@ def test_every_place_has_its_part_of_the_rig_and_its_sand() -> None:
 def test_a_plan_tells_its_changes_and_the_volume_of_each_well() -> None:
     running = {'in': WellRate(from_ml_h(600.0), 1.0), 'out': WellRate(from_ml_h(-600.0))}
     rates = Schedule.from_rates([(0.0, running), (360.0, {}), (720.0, running), (1080.0, {})])
-    words = plan_words(rates, 1800.0)
-    assert 'change 3 times, first at 6 min, last at 18 min; until 30 min' in words
+    words = plan_words(rates, rates, 1800.0)
+    assert 'change 3 times, first at 6 min, last at 18 min; into the sand until 30 min' in words
     assert 'in +120 ml, out -120 ml' in words
-    assert 'do not change' in plan_words(Schedule.constant(running), 60.0)
+    assert 'do not change' in plan_words(Schedule.constant(running), rates, 60.0)

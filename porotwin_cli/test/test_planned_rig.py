@@ -100,5 +100,16 @@ def test_a_leak_that_no_well_balances_starts_no_twin(folder: Path) -> None:
     text = (folder / 'rig.yaml').read_text().replace('{top: open', '{top: closed')
     leak = 'effects: [{name: leak, parameters: {x: 0.4, z: 0.2, rate: -50.0}}]\n'
     (folder / 'rig.yaml').write_text(f'{text}\n{leak}')
-    with pytest.raises(InputError, match='leak into a rig whose sides are all closed'):
+    with pytest.raises(InputError, match=r'leak.* but all sides are closed'):
         planned_rig(folder)
+
+
+def test_the_twin_balances_a_plan_that_leaves_the_producer_out(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    text = (folder / 'rig.yaml').read_text().replace('{top: open', '{top: closed')
+    weak = 'effects: [{name: rate, parameters: {well: injector, factor: 0.9}}]\n'
+    (folder / 'rig.yaml').write_text(f'{text}\n{weak}')
+    (folder / 'rates.csv').write_text(RESTS)
+    planned_rig(folder)
+    assert not caplog.messages

@@ -5,6 +5,8 @@ import pytest
 
 from lab.benches.bench_solver import bench_rig
 from porotwin_core.geometry.grid import Grid
+from porotwin_core.rates.wells import WellRate
+from porotwin_core.rig import Boundaries
 from porotwin_solver.model.engine import LONGEST_STEP, State
 from porotwin_solver.model.model import Model
 from porotwin_solver.model.prediction_cost import (
@@ -56,3 +58,15 @@ def test_a_duration_is_told_in_a_unit_that_fits(seconds: float, words: str) -> N
 def test_a_cost_below_a_millisecond_is_told_in_words() -> None:
     cost = PredictionCost(100, 1, 1, 100, 6e-5, 0.02)
     assert '; less than 1 ms for a prediction, after 0.02 s of preparation' in str(cost)
+
+
+def test_wells_that_only_a_leak_balances_have_a_cost() -> None:
+    closed = RIG.model_copy(update={'boundaries': Boundaries(top='closed')})
+    first, second, *_ = RIG.wells
+    rates = {first: WellRate(1.4e-7), second: WellRate(-1.5e-7)}
+    usual = {**rates, second: WellRate(-1.4e-7)}
+    leaky, balanced = (
+        prediction_cost(closed, RIG.grid(94, 56), duration=600.0, rates=one).substeps
+        for one in (rates, usual)
+    )
+    assert leaky == pytest.approx(balanced, rel=0.2)

@@ -24,25 +24,29 @@ SAME = (
 
 def _find(known: Known) -> Iterator[Remark]:
     photos = known.seen_photos
+    baselines = {photo.name for photo in known.photos if photo.role == 'baseline'}
+    no_maps = not known.has('maps')  # they need every baseline
     if known.rig.camera is None:
         yield replace(Remark.of('camera', 'no_camera', NO_CAMERA), refused=True)
     unreadable = [photo.name for photo in photos if photo.size is None]
     if unreadable:
-        yield Remark.of(KEY, 'unreadable_photos', UNREADABLE, names=_listed(unreadable))
+        told = Remark.of(KEY, 'unreadable_photos', UNREADABLE, names=_listed(unreadable))
+        yield replace(told, refused=no_maps and not baselines.isdisjoint(unreadable))
     cut = [photo.name for photo in photos if photo.is_cut and photo.size is not None]
     if cut:
-        yield Remark.of(KEY, 'cut_photos', CUT, names=_listed(cut))
+        told = Remark.of(KEY, 'cut_photos', CUT, names=_listed(cut))
+        yield replace(told, refused=no_maps and not baselines.isdisjoint(cut))
     sizes = {photo.size for photo in photos if photo.size is not None}
     if len(sizes) > 1:
         shown = ', '.join(f'{width} x {height} px' for width, height in sorted(sizes))
         yield Remark.of(KEY, 'several_sizes', SIZES, sizes=shown)
-    runs = [list(run) for _, run in groupby(photos, _identity)]
-    # a file in several lines is told by `photograph_list`
-    runs = [run for run in runs if len({PurePosixPath(photo.name) for photo in run}) > 1]
+    # a file in several lines is told by `photograph_list`, and counts once here
+    named = [{PurePosixPath(one.name): one for one in run} for _, run in groupby(photos, _identity)]
+    runs = [list(run.values()) for run in named if len(run) > 1]
     if runs:
-        told = [f'{run[0].name} to {run[-1].name} ({len(run)} photographs)' for run in runs]
+        words = [f'{run[0].name} to {run[-1].name} ({len(run)} photographs)' for run in runs]
         rows = [{'first': r[0].name, 'last': r[-1].name, 'photographs': len(r)} for r in runs]
-        yield Remark.of(KEY, 'same_files', SAME, names=_listed(told), runs=rows)
+        yield Remark.of(KEY, 'same_files', SAME, names=_listed(words), runs=rows)
 
 
 def _identity(photo: PhotoFile) -> object:

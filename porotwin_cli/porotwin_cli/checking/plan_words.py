@@ -22,13 +22,17 @@ def place_words(rig: Rig) -> str:
     return f'places: {", ".join(told)}'
 
 
-def plan_words(rates: Schedule, end: float) -> str:
-    """Return one line: when the `rates` change until `end` [s], and the volume of each well."""
+def plan_words(rates: Schedule, into_sand: Schedule, end: float) -> str:
+    """Return one line: when the `rates` change until `end` [s], and the volume of each well.
+
+    The rates `into_sand` tell the volumes.
+    """
     volumes = dict.fromkeys(rates.wells, 0.0)
+    for low, high, held in into_sand.intervals(0.0, end):
+        for well, one in held.items():
+            volumes[well] += (high - low) * one.rate
     changes, before = [], rates.at(0.0)
-    for low, high, held in rates.intervals(0.0, end):
-        for well in volumes:
-            volumes[well] += (high - low) * held[well].rate if well in held else 0.0
+    for low, _, _ in rates.intervals(0.0, end):
         if (now := rates.at(low)) != before:
             changes.append(low)
         before = now
@@ -37,7 +41,7 @@ def plan_words(rates: Schedule, end: float) -> str:
         first, last = (f'{time / MINUTE_S:.4g}' for time in (changes[0], changes[-1]))
         when = f'rates change {len(changes)} times, first at {first} min, last at {last} min'
     each = ', '.join(f'{well} {ML * volume:+.4g} ml' for well, volume in volumes.items() if volume)
-    return f'{when}; until {end / MINUTE_S:.4g} min {each}'
+    return f'{when}; into the sand until {end / MINUTE_S:.4g} min {each}'
 
 
 def _part(rig: Rig, x: float, z: float) -> str:

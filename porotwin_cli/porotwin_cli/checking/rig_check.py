@@ -3,7 +3,7 @@
 import io
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -82,6 +82,10 @@ NO_PREDICTION = 'unbalanced_rates'
 """Code of a remark about rates with which no model predicts, while photographs can be evaluated.
 `check` answers for a prediction, so that it refuses them."""
 
+NO_MAPS = ('no_baseline', 'damaged_baseline')
+"""Codes of remarks about photographs without which `image` makes no maps. A recording with maps
+needs none of them."""
+
 OTHER_FILE = (
     'check reads a rig.yaml, an experiment folder or an MCAP bag, and this is another file; '
     './porotwin import makes a folder of files of other programs, ./porotwin measure reads maps '
@@ -152,8 +156,7 @@ def check(
     if data is not None:
         with gathered_warnings() as unread:
             known = replace(data.known(), rig=_modelled(rig))
-            told = remarks_about_known(known, OF_TABLES | OF_MAPS)
-        remarks += [replace(one, refused=one.refused or one.code == NO_PREDICTION) for one in told]
+            remarks += _judged(remarks_about_known(known, OF_TABLES | OF_MAPS), data)
         remarks += [_told(text, kind) for text in unread]
         remarks += [_told(text, kind) for text in data.remarks]
     cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
@@ -163,7 +166,7 @@ def check(
     if not any(remark.refused for remark in remarks):
         known = replace(_known(rig, data), chosen_cells=cells)
         remarks += _uses(rig, cells, _known_rates(rig, data).busiest)
-        remarks += remarks_about_known(known, OF_RIG)
+        remarks += _judged(remarks_about_known(known, OF_RIG), data)
         if data is not None and data.photos:
             seen = SeenPhotos().of(data.photos)
             remarks += remarks_about_known(replace(known, seen_photos=seen), OF_PHOTOGRAPHS)
@@ -171,7 +174,7 @@ def check(
             first = next((one for one in data.photos if one.role == 'baseline'), data.photos[0])
             if rig.camera is not None and first.name in whole:
                 photograph, of_baseline = _seen_baseline(rig, first)
-                remarks += of_baseline
+                remarks += _judged(of_baseline, data)
     planned = None
     if rig.control is not None and data is not None and data.commanded and holds_plan(path):
         try:
@@ -186,6 +189,12 @@ def check(
     cost = _cost(levelled, cells, preset, chosen.seconds) if runs else None
     ordered = tuple(sorted(remarks, key=lambda remark: not remark.refused))
     return CheckedRig(path, kind, rig, cells, ordered, chosen, cost, data, photograph, planned)
+
+
+def _judged(found: Iterable[Remark], data: RecordedData | None) -> list[Remark]:
+    """Return remarks; `image` or a prediction would refuse some of them, and so does `check`."""
+    codes = (NO_PREDICTION, *(NO_MAPS if data is not None and data.maps is None else ()))
+    return [replace(one, refused=one.refused or one.code in codes) for one in found]
 
 
 def _modelled(rig: Rig) -> Rig:
@@ -317,7 +326,7 @@ def in_words(checked: CheckedRig) -> list[str]:
         lines += fixed_wells_in_words(checked.rig)
     rates = announced_rates(checked)
     if rates.rows and (end := last_time(checked.rig, checked.data)):
-        lines.append(plan_words(rates, end))
+        lines.append(plan_words(rates, _into_sand(checked.rig, rates), end))
     if (words := stock_words(checked)) is not None:
         lines.append(words)
     if checked.data is not None and checked.data.maps is not None:
@@ -369,7 +378,17 @@ def balance_of(checked: CheckedRig) -> WaterBalance | None:
     rig, rates = _acting(checked.rig, checked.data), _known_rates(checked.rig, checked.data)
     if not (rates.busiest or not resting_water(rig)):
         return None
-    return water_balance(rig, checked.grid, rates.busiest)
+    balance = water_balance(rig, checked.grid, rates.busiest)
+    if balance is None:  # an effect that begins later stops a pump that rests by then
+        then = acting(rig.effects, rates.busiest_time)
+        rig = rig.model_copy(update={'effects': then})
+        balance = water_balance(rig, checked.grid, rates.busiest)
+    return balance
+
+
+def _into_sand(rig: Rig, rates: Schedule) -> Schedule:
+    """Return the `rates` that reach the sand by the effects of `rig`."""
+    return Known(rig=rig, pumped=rates).rates or rates
 
 
 def fixed_wells_in_words(rig: Rig) -> list[str]:
@@ -377,7 +396,7 @@ def fixed_wells_in_words(rig: Rig) -> list[str]:
     if rig.control is None or rig.control.end_min is None:
         return []
     end = MINUTE_S * rig.control.end_min
-    stock = uncontrolled_rates(rig).injected_stock(0.0, end)
+    stock = _into_sand(rig, uncontrolled_rates(rig)).injected_stock(0.0, end)
     return [f'injected by the fixed wells: {stock * ML:.4g} ml of stock, until {end:g} s']
 
 
@@ -495,7 +514,8 @@ def _seen_baseline(rig: Rig, baseline: Photo) -> tuple[NDArray[np.uint8] | None,
             pixels = np.asarray(picture.convert('RGB'))
     except (OSError, ValueError, SyntaxError) as damage:
         why = f'it is damaged: {damage}'
-        return None, [Remark('photographs', baseline.name, why, 'copy it from the camera again')]
+        remedy = 'copy it from the camera again'
+        return None, [Remark('photographs', baseline.name, why, remedy, code='damaged_baseline')]
     rows, columns = pixels.shape[:2]
     try:
         refuse_corners_outside(rig.camera, (columns, rows))

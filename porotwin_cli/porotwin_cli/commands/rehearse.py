@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from porotwin_cli.options.experiment_times import MOST_GIVEN_TIMES, recorded_times
-from porotwin_cli.terminal import Json, as_argument, print_json, progress, refuse_existing
+from porotwin_cli.terminal import Json, as_argument, print_json, progress, refuse_existing, say
 from porotwin_core.basis.discovery import extension_names
 from porotwin_core.basis.errors import InputError
 from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S, ML
@@ -85,11 +85,12 @@ def command(
 
     Example: ./porotwin rehearse planned --output photographed --photo-width-px 1600
     """
+    from porotwin_checks.checks import unbalanced_rates
     from porotwin_cli.options.grids import grid_of
     from porotwin_cli.options.output_files import check_output
     from porotwin_core.basis.whole_folder import whole_folder
     from porotwin_recording.experiment.experiment_folder import MAPS_FILE
-    from porotwin_recording.experiment.recording import open_recording
+    from porotwin_recording.experiment.recording import odd_lines, open_recording
     from porotwin_recording.tables.one_writer import one_writer
     from porotwin_rig.effects import parse_effects, refuse_slips
     from porotwin_rig.made_experiment import make_experiment
@@ -102,6 +103,8 @@ def command(
     effects = parse_effects(';'.join(effect or []))
     _refuse_rig_alone(experiment)
     recording = open_recording(experiment)
+    for line in odd_lines([recording], {'unbalanced_rates': unbalanced_rates.CHECK}):
+        say(line)  # pumps stall in a closed rig, which no model predicts
     refuse_slips(effects, recording.rig)
     duration = _duration(recording, duration_min)
     if photo_interval_s > duration:

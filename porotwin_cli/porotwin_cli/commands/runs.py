@@ -21,8 +21,8 @@ RUNS = Path('runs')
 HASH_DIGITS = 8
 """Digits of a calibration's hash in the table; --json has all."""
 
-BY_INDEX = 'state‡'
-"""Title of the states: reading each chunk of a day would take 86,000 reads."""
+BY_INDEX = '‡'
+"""Mark of the states of bags: reading each chunk of a day would take 86,000 reads."""
 
 OF_FILES = '†'
 """Mark of a date that comes from the files of a recording."""
@@ -105,8 +105,8 @@ def command(
         print_table(f'{count} in {folder}', titles, rows, whole=('diagnosed', 'size'))
         if 'photos*' in titles:
             print('* without baselines')
-        if BY_INDEX in titles and any(entry.kind == 'bag' for entry in readable):
-            print('‡ of a bag: by the index at its end; damage before that shows when it is read')
+        if any(entry.kind == 'bag' for entry in readable):
+            print(f'{BY_INDEX} of a bag: by the index at its end; reading it shows earlier damage')
         if any(entry.start is None for entry in readable):
             print(f'{OF_FILES} date of its files, as it tells none itself; copies may be younger')
     for entry in entries:
@@ -149,7 +149,7 @@ def _columns(folder: Path) -> 'dict[str, Callable[[CatalogueEntry], str]]':
         'diagnosed': lambda entry: entry.diagnosed,
         'COSTA': lambda entry: entry.costa.partition(',')[0],
         'calibration': lambda entry: entry.calibration[:HASH_DIGITS],
-        BY_INDEX: _state,
+        'state': _state,
         'size': lambda entry: size_words(entry.size_bytes),
     }
 
@@ -165,7 +165,8 @@ def _name(path: Path, folder: Path) -> str:
 
 
 def _state(entry: 'CatalogueEntry') -> str:
-    return f'{entry.state}, {entry.files} files' if entry.files > 1 else entry.state
+    state = entry.state + BY_INDEX * (entry.kind == 'bag')
+    return f'{state}, {entry.files} files' if entry.files > 1 else state
 
 
 def _order(entry: 'CatalogueEntry') -> tuple[bool, float, str]:

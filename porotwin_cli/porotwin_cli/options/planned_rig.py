@@ -5,6 +5,7 @@ from pathlib import Path
 
 from porotwin_checks.all_checks import OF_RIG, remarks_about
 from porotwin_checks.checks import announced_pauses
+from porotwin_checks.known import Known
 from porotwin_cli.terminal import say
 from porotwin_core.basis.errors import InputError
 from porotwin_core.rates.announced_rates import with_plan
@@ -16,7 +17,6 @@ from porotwin_recording.experiment.experiment_folder import (
     MEASURED_FILE,
 )
 from porotwin_recording.tables.rates import read_rates
-from porotwin_recording.tables.recorded_data import RecordedData
 
 LOG = logging.getLogger('porotwin')
 
@@ -35,14 +35,15 @@ def planned_rig(path: Path) -> Rig:
     folder = path if path.is_dir() else path.parent
     file = folder / COMMANDED_FILE
     plan = read_rates(file, rig.wells) if rig.control and holds_plan(folder) else None
-    asked = OF_RIG | {'announced_pauses': announced_pauses.CHECK}
-    for remark in remarks_about(RecordedData(rig, plan).known(), asked):
+    planned = rig if plan is None else with_plan(rig, plan, str(file))
+    found = remarks_about(Known(rig=planned), OF_RIG)  # the twin balances what a plan leaves out
+    pauses = {'announced_pauses': announced_pauses.CHECK}
+    for remark in (*found, *remarks_about(Known(rig=rig, commanded=plan), pauses)):
         if remark.refused:
             raise InputError(f'{path}: {remark}')
         LOG.warning('%s', remark)
     if plan is None:
         return rig
-    planned = with_plan(rig, plan, str(file))
     say(f'{file}: {plan_in_words(planned)}')
     return planned
 

@@ -88,12 +88,13 @@ def _zone_figures(run: Recording) -> dict[str, float]:
     zone = ZoneMeasure.of(run.rig, run.grid)
     seen = np.stack([run.maps[number] for number in run.known().looked_at])
     (clean,) = measure_noise(seen).expected(np.zeros(1))
-    tracer = ML * np.array([zone.tracer(np.nan_to_num(one - clean)) for one in run.maps])
+    left = np.array([zone.tracer(np.nan_to_num(one - clean)) for one in run.maps])
+    tracer = ML * np.maximum(left, 0.0)  # noise is no negative tracer
     if not np.isfinite(tracer).all():
         return {}
     return {
-        'tracer in the zone at the end [ml]': max(float(tracer[-1]), 0.0),
-        'dose in the zone [ml min]': max(float(trapezoid(tracer, run.times / MINUTE_S)), 0.0),
+        'tracer in the zone at the end [ml]': float(tracer[-1]),
+        'dose in the zone [ml min]': float(trapezoid(tracer, run.times / MINUTE_S)),
     }
 
 

@@ -322,11 +322,37 @@ def test_rates_that_a_closed_rig_cannot_have_are_impossible(tmp_path: Path) -> N
     assert pumped(tmp_path, '800 500').runs
 
 
+def test_a_pump_that_fails_while_it_rests_leaves_the_water_balance(tmp_path: Path) -> None:
+    values = {'well': 'producer', 'factor': 0.0, 'since': 1500.0}
+    late = [{'name': 'rate', 'parameters': values}]
+    assert not pumped(tmp_path, '500 500', boundaries={'top': 'closed'}, effects=late).runs
+    file = tmp_path / 'rates.csv'
+    rows = file.read_text()
+    file.write_text(rows.replace('1800,', '900,') + '1800,injector,0,0\n')
+    checked = check(tmp_path)
+    assert checked.runs
+    assert balance_of(checked) is not None
+
+
+def test_all_volumes_are_those_that_reach_the_sand(tmp_path: Path) -> None:
+    weak = [{'name': 'rate', 'parameters': {'well': 'injector', 'factor': 0.5}}]
+    lines = in_words(pumped(tmp_path, '600 600', effects=weak))
+    assert any('150 ml of stock' in line for line in lines)
+    assert any('injector +150 ml, producer -300 ml' in line for line in lines)
+    (tmp_path / 'rates.csv').unlink()
+    fixed = {'injector': {'rate_ml_h': 600.0, 'concentration': 1.0}}
+    base = yaml.safe_load((tmp_path / 'rig.yaml').read_text())
+    changed(tmp_path, effects=weak, control={**base['control'], 'fixed': fixed, 'end_min': 30})
+    lines = in_words(check(tmp_path))
+    assert any('150 ml of stock' in line for line in lines)
+    assert any('injector +150 ml' in line for line in lines)
+
+
 def test_a_leak_that_no_well_of_a_closed_rig_balances_is_impossible(tmp_path: Path) -> None:
     leak = [{'name': 'leak', 'parameters': {'x': 0.4, 'z': 0.2, 'rate': -50.0}}]
     checked = pumped(tmp_path, '500 500', boundaries={'top': 'closed'}, effects=leak)
     assert not checked.runs
-    assert checked.remarks[0].key == 'leaks'
+    assert checked.remarks[0].facts['effects'] == 'leak'
     assert pumped(tmp_path, '500 500', effects=leak).runs
 
 
@@ -528,6 +554,26 @@ def test_a_damaged_baseline_photograph_is_one_remark(tmp_path: Path, cut: bool, 
     picture.write_bytes(whole[:middle] + rest)
     (remark,) = (one for one in check(folder).remarks if one.key == 'photographs')
     assert told in remark.code + remark.why
+
+
+def test_photographs_without_a_baseline_are_impossible_until_there_are_maps(
+    experiment: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / 'listed'
+    shutil.copytree(experiment, folder)
+    text = (folder / 'imaging.csv').read_text()
+    (folder / 'imaging.csv').write_text(text.replace(',baseline', ',state'))
+    assert check(folder).runs
+    (folder / 'concentration.nc').unlink()
+    assert check(folder).remarks[0].code == 'no_baseline'
+    assert not check(folder).runs
+
+
+def test_a_list_without_a_photograph_is_odd(experiment: Path, tmp_path: Path) -> None:
+    folder = tmp_path / 'empty'
+    shutil.copytree(experiment, folder)
+    (folder / 'imaging.csv').write_text('time_s,path,role\n')
+    assert any('lists no photograph' in str(remark) for remark in check(folder).remarks)
 
 
 def test_a_cut_state_photograph_is_a_remark(experiment: Path, tmp_path: Path) -> None:

@@ -15,6 +15,8 @@ from porotwin_recording.tables.concentration import ConcentrationMaps
 from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_siblings.zone_measure import ZoneMeasure
 
+ZONE_FIGURES = ('tracer in the zone at the end [ml]', 'dose in the zone [ml min]')
+
 
 def test_two_runs_differ_in_rates_and_maps(experiment: Path, tmp_path: Path) -> None:
     other = Path(shutil.copytree(experiment, tmp_path / 'other'))
@@ -45,6 +47,22 @@ def test_the_noise_of_clean_sand_is_no_tracer_in_the_zone(tmp_path: Path) -> Non
     held = 1e6 * ZoneMeasure.of(rig, grid).tracer(plume)
     assert seen == pytest.approx(held, rel=0.03)
     assert clean < 0.002 * held, 'the mean of the noise alone would be 0.015 of it'
+
+
+def test_tracer_that_comes_at_the_end_is_a_dose(tmp_path: Path) -> None:
+    """Before it, the maps hold less than the mean of the noise in the zone, and more elsewhere."""
+    rig = controlled_rig()
+    grid = rig.grid(40, 30)
+    inside = ZoneMeasure.of(rig, grid).pores > 0.0
+    values = np.where(inside, 0.0, 0.02) * np.ones((9, 1, 1))
+    values += np.abs(np.random.default_rng(5).normal(0.0, 0.005, values.shape)) * ~inside
+    values[-1] += 0.04 * inside
+    maps = ConcentrationMaps(60.0 * np.arange(9.0), grid, lambda a, b: values[a:b])
+    write_folder(tmp_path / 'late', RecordedData(rig=rig, maps=maps))
+    figures, _ = compare_runs(tmp_path / 'late', tmp_path / 'late').figures
+    end, dose = (figures[name] for name in ZONE_FIGURES)
+    assert end > 0.0
+    assert dose == pytest.approx(0.5 * end)
 
 
 def test_the_sample_is_packed_opened_and_the_same(tmp_path: Path) -> None:

@@ -35,6 +35,8 @@ def test_recordings_are_listed_and_a_broken_one_does_not_stop_the_list(tmp_path:
     assert sample['date'] == sample['files_date'] == '2023-11-14T22:13:20+00:00'
     assert '2023-11-14 22:13†' in told.stdout
     assert '† date of its files' in told.stdout
+    assert 'complete‡' in told.stdout
+    assert '‡ of a bag' in told.stdout
 
 
 def test_no_runs_yet_is_no_mistake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,6 +60,7 @@ def test_what_is_odd_is_left_to_check(tmp_path: Path) -> None:
     file.write_text(re.sub(r'porosity: .*', 'porosity: 0.15', file.read_text()))
     told = porotwin('runs', tmp_path)
     assert '1 recording' in told.stdout
+    assert '‡' not in told.stdout, 'a mark of bags'
     assert 'odd' not in told.stderr
 
 

@@ -205,12 +205,17 @@ class Schedule:
     @property
     def busiest(self) -> dict[str, WellRate]:
         """The rates at the moment at which the wells pump most water together, with its levels."""
-        moment = max(
+        moment = self.busiest_time
+        return with_rises(self.at(moment), self.levels.at(moment))
+
+    @property
+    def busiest_time(self) -> float:
+        """The first moment [s] at which the wells pump most water together; 0 without rows."""
+        return max(
             dict.fromkeys(self._times),
             key=lambda time: math.fsum(abs(well.rate) for well in self.at(time).values()),
             default=0.0,
         )
-        return with_rises(self.at(moment), self.levels.at(moment))
 
 
 def quoted(wells: Iterable[str]) -> str:

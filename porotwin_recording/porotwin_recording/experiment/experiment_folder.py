@@ -41,6 +41,11 @@ CAMERA_ENDINGS = ('.jpg', '.jpeg', '.tif', '.tiff')
 Progress = Callable[[int, int], None]
 """Receives the number of finished maps and photographs, and their total."""
 
+NO_PHOTOGRAPH = (
+    f'{IMAGING_FILE} lists no photograph; add a baseline and photographs of the tracer, or remove '
+    'the file'
+)
+
 HOW_TO_TRY = '; to try a rig.yaml on a recording, copy it there'
 """Remedy for a folder that holds a rig alone, such as that of a diagnosis."""
 
@@ -94,13 +99,15 @@ def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
             f'{folder}: has photos/ but no {IMAGING_FILE}, which gives their times; '
             f'./porotwin import {folder} TARGET makes one from their EXIF times'
         )
+    photos = read_photos(folder) if imaging.exists() else ()
+    untold = _untold_photographs(folder) if photos or not imaging.exists() else (NO_PHOTOGRAPH,)
     return RecordedData(
         rig,
         commanded=read_rates(commanded, rig.wells) if commanded.exists() else None,
         measured=read_rates(measured, rig.wells) if measured.exists() else None,
         maps=open_maps(maps, rig) if maps.exists() else None,
-        photos=read_photos(folder) if imaging.exists() else (),
-        remarks=(*_unfinished(folder), *_untold_photographs(folder)),
+        photos=photos,
+        remarks=(*_unfinished(folder), *untold),
         replaced_rig=replaced,
         readings=read_readings(readings, rig) if readings.exists() else (),
     )

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from porotwin_core.basis.errors import InputError
+from porotwin_core.basis.floors import ROUND_OFF
 from porotwin_core.basis.units import GRAVITY, MOLECULAR_DIFFUSION
 from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import WellRate, WellRates
@@ -185,6 +186,18 @@ class Physics:
             return found
         follow = put_in * asked_out / (taken * asked_in)
         return {name: rate if rate > 0.0 else follow * rate for name, rate in found.items()}
+
+    def surplus(self, rates: WellRates) -> float:
+        """Return the rate [m^3/s] that wells and leaks put into a closed rig and nobody takes out.
+
+        It is 0 with an open side, and within the round-off of rates that balance.
+
+        Raises:
+            InputError: as `delivered`.
+        """
+        each = [*self.delivered(rates).values(), *(leak.rate for leak in self.leaks)]
+        net, total = math.fsum(each), math.fsum(map(abs, each))
+        return net if self.contact.closed and abs(net) > ROUND_OFF * total else 0.0
 
     def pumped(self, rates: WellRates) -> dict[str, WellRate]:
         """Return `rates` of wells as `delivered`, with the fluids that were commanded."""

@@ -212,14 +212,13 @@ class Engine:
         if self.physics.fringe is not None:
             return self.table(rates).flux
         active = self.sources_and_sinks.active(rates)
-        net = math.fsum(source.rate for source in active)
-        total = math.fsum(abs(source.rate) for source in active)
-        if self.flow.closed and abs(net) > ROUND_OFF * total:
+        if (net := self.physics.surplus(rates)) != 0.0:
             leaks = math.fsum(leak.rate for leak in self.physics.leaks)
             told = f', {to_ml_h(leaks):.6g} ml/h of them from leaks,' if leaks else ''
+            effects = 'correct the effects, ' * bool(leaks or self.physics.rate_factors)
             raise InputError(
                 f'rates add up to {to_ml_h(net):.6g} ml/h{told} in a rig whose sides are all '
-                'closed; balance injection and production, or open a side in rig.yaml'
+                f'closed; {effects}balance injection and production, or open a side in rig.yaml'
             )
         pumped = np.zeros(len(self.sources_and_sinks.all))
         for source in active:

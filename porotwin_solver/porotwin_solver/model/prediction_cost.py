@@ -8,7 +8,7 @@ to a well does not.
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from porotwin_core.geometry.grid import FloatArray, Grid
 from porotwin_core.rates.wells import WellRate, WellRates
 from porotwin_core.rig import Rig
 from porotwin_core.rig.coarse_grid import COARSE_CELLS
-from porotwin_solver.coefficients.physics import nominal_physics
+from porotwin_solver.coefficients.physics import Leak, SourceSink, nominal_physics
 from porotwin_solver.flow.pressure import LARGEST_FACTOR
 from porotwin_solver.model.engine import LONGEST_STEP, Engine, State
 from porotwin_solver.model.presets import preset_named
@@ -186,7 +186,11 @@ def _grid_of(rig: Rig, cells: int) -> Grid:
 def _cfl_per_second(rig: Rig, fine: Grid, rates: WellRates) -> FloatArray:
     """Return the CFL number per second [1/s] of the cells of `fine`, seen on a coarse grid."""
     coarse = _grid_of(rig, COARSE_CELLS)
-    engine = Engine(nominal_physics(rig, coarse), scheme=Scheme.UPWIND)
+    physics = nominal_physics(rig, coarse)
+    if (net := physics.surplus(rates)) != 0.0:  # effects balance it, or the model refuses it
+        middle = SourceSink(0.5 * rig.width_m, 0.5 * rig.height_m)
+        physics = replace(physics, leaks=(Leak(middle, -net),))
+    engine = Engine(physics, scheme=Scheme.UPWIND)
     flux = engine.water_flux(rates)
     x, z = np.abs(flux.x), np.abs(flux.z)
     across = 0.5 * (x[:, :-1] + x[:, 1:]) * coarse.dx / fine.dx

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from porotwin_core.basis.units import to_ml_h
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.geometry.polygons import inside
-from porotwin_core.rates.rate_periods import SAME_RATE
 from porotwin_core.rates.wells import WellRates, with_rises
 from porotwin_core.rig import Rig, SideName
 from porotwin_solver.coefficients.face_field import FaceField
@@ -73,7 +72,7 @@ def water_balance(rig: Rig, grid: Grid, rates: WellRates) -> WaterBalance | None
     physics = described_physics(rig, grid).at_levels(rates)
     delivered = {name: rate for name, rate in physics.delivered(rates).items() if rate}
     wells = {**delivered, **({'leaks': leaks} if (leaks := _leaks(physics)) else {})}
-    if rig.closed and abs(math.fsum(wells.values())) > SAME_RATE:
+    if physics.surplus(rates) != 0.0:
         return None
     flux = _flux(physics, rates)
     places = {**at_sides(rig, grid, entering(flux)), **into_canals(rig, grid, flux)}
