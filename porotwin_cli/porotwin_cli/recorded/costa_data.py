@@ -181,7 +181,9 @@ def train_on_runs(
                 shown,
                 crew=pool,
                 say=say,
-                progress=lambda stage, _: bar.update(task, description=stage),
+                progress=lambda stage, share: bar.update(
+                    task, total=100, completed=round(100 * share), description=stage
+                ),
             )
 
         data = Experiments(
