@@ -14,6 +14,7 @@ from enum import Enum, StrEnum
 from porotwin_core.clock.freshness import STALE_AFTER_S
 from porotwin_core.clock.stamps import SAME_PHOTOGRAPH_S
 from porotwin_core.geometry.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates.announced_rates import safe_rates_at
 from porotwin_core.rates.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rates.safe_rates import safe_rates
 from porotwin_core.rates.wells import WellRates
@@ -342,12 +343,12 @@ class GraphSnapshot:
     def safe_at(self, graph: float | None) -> WellRates:
         """Return the safe rates [m^3/s] with the pauses announced for `graph` time [s].
 
-        Before the start is known, the pauses of its first minute hold, as at the pumps.
+        They are empty if they are not known.
         """
-        if self.rig is None:
+        if self.rig is None or self.rig.control is None:
             return {}
-        elapsed = 0.0 if graph is None or self.began is None else graph - self.began
-        return FixedPauses.of(self.rig).at(elapsed, self.safe_rates)
+        elapsed = None if graph is None or self.began is None else graph - self.began
+        return safe_rates_at(self.rig, elapsed)
 
     @property
     def setpoint(self) -> Setpoint | None:

@@ -1,13 +1,13 @@
 """Are the files of the photographs whole, of one size, and each another one?"""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import groupby
 from pathlib import PurePosixPath
 
 from porotwin_checks.known import Known, PhotoFile
 from porotwin_core.basis.check import Check
-from porotwin_core.basis.remark import NAMED, Remark
+from porotwin_core.basis.remark import Remark, first_of
 
 KEY = 'photographs'
 NO_CAMERA = (
@@ -30,11 +30,11 @@ def _find(known: Known) -> Iterator[Remark]:
         yield replace(Remark.of('camera', 'no_camera', NO_CAMERA), refused=True)
     unreadable = [photo.name for photo in photos if photo.size is None]
     if unreadable:
-        told = Remark.of(KEY, 'unreadable_photos', UNREADABLE, names=_listed(unreadable))
+        told = Remark.of(KEY, 'unreadable_photos', UNREADABLE, names=first_of(unreadable))
         yield replace(told, refused=no_maps and not baselines.isdisjoint(unreadable))
     cut = [photo.name for photo in photos if photo.is_cut and photo.size is not None]
     if cut:
-        told = Remark.of(KEY, 'cut_photos', CUT, names=_listed(cut))
+        told = Remark.of(KEY, 'cut_photos', CUT, names=first_of(cut))
         yield replace(told, refused=no_maps and not baselines.isdisjoint(cut))
     sizes = {photo.size for photo in photos if photo.size is not None}
     if len(sizes) > 1:
@@ -46,17 +46,12 @@ def _find(known: Known) -> Iterator[Remark]:
     if runs:
         words = [f'{run[0].name} to {run[-1].name} ({len(run)} photographs)' for run in runs]
         rows = [{'first': r[0].name, 'last': r[-1].name, 'photographs': len(r)} for r in runs]
-        yield Remark.of(KEY, 'same_files', SAME, names=_listed(words), runs=rows)
+        yield Remark.of(KEY, 'same_files', SAME, names=first_of(words), runs=rows)
 
 
 def _identity(photo: PhotoFile) -> object:
     """Return the same for equal files; a file that nobody could read equals no other."""
     return photo.digest or id(photo)
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f' and {len(names) - NAMED} more' if len(names) > NAMED else ''
-    return ', '.join(names[:NAMED]) + more
 
 
 CHECK = Check(needs=('seen_photos',), find=_find)

@@ -9,7 +9,7 @@ import numpy as np
 
 from porotwin_checks.known import Known
 from porotwin_core.basis.check import Check
-from porotwin_core.basis.remark import NAMED, Remark
+from porotwin_core.basis.remark import Remark, first_of
 from porotwin_core.basis.units import MINUTE_S
 
 TWICE = (
@@ -50,8 +50,7 @@ def _twice(known: Known) -> Iterator[Remark]:
     twice = {str(path): found for path, found in roles.items() if len(found) > 1}
     if twice:
         told = [f'{path} ({" and ".join(found)})' for path, found in twice.items()]
-        more = f' and {len(told) - NAMED} more' if len(told) > NAMED else ''
-        facts = {'names': ', '.join(told[:NAMED]) + more, 'roles': twice}
+        facts = {'names': first_of(told), 'roles': twice}
         yield Remark.of('imaging.csv', 'listed_twice', TWICE, **facts)
 
 

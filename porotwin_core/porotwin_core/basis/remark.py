@@ -1,6 +1,6 @@
 """The one record of an odd or impossible thing, for every check and every reader."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +11,12 @@ NAMED = 3
 
 QUOTED = 40
 """Characters of a wrong value that a message repeats."""
+
+
+def first_of(names: Sequence[str]) -> str:
+    """Return the first `NAMED` of `names`, and how many more there are: `a, b, c and 2 more`."""
+    more = f' and {len(names) - NAMED} more' if len(names) > NAMED else ''
+    return ', '.join(names[:NAMED]) + more
 
 
 @dataclass(frozen=True)

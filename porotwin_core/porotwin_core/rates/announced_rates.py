@@ -12,13 +12,24 @@ from porotwin_core.basis.units import LONGEST_EXPERIMENT_S, MINUTE_S, from_ml_h,
 from porotwin_core.rates.fixed_pauses import FixedPauses
 from porotwin_core.rates.rate_periods import PUMP_ACCURACY, different_wells
 from porotwin_core.rates.safe_rates import safe_rates
-from porotwin_core.rates.wells import Schedule, WellRate
+from porotwin_core.rates.wells import Schedule, WellRate, WellRates
 from porotwin_core.rig import Control, FixedWell, Rig
 
 
 def uncontrolled_rates(rig: Rig) -> Schedule:
     """Return the rates [m^3/s] of `rig` without a setpoint, over the time of the experiment."""
     return FixedPauses.of(rig).in_schedule(Schedule.constant(safe_rates(rig)))
+
+
+def safe_rates_at(rig: Rig, elapsed: float | None) -> WellRates:
+    """Return the safe rates [m^3/s] with the pauses that are announced at a time.
+
+    Args:
+        rig: the rig.
+        elapsed: time since the start of the experiment [s]; None: the start is not known, and the
+            pauses of the first minute hold, as at the pumps.
+    """
+    return FixedPauses.of(rig).at(elapsed or 0.0, safe_rates(rig))
 
 
 def with_plan(rig: Rig, plan: Schedule, source: str) -> Rig:

@@ -8,7 +8,7 @@ from typing import Any
 import pydantic
 
 from porotwin_core.basis.likely_name import did_you_mean
-from porotwin_core.basis.remark import NAMED, QUOTED
+from porotwin_core.basis.remark import QUOTED, first_of
 from porotwin_core.basis.text_with_unit import in_other_unit, was_percent
 from porotwin_core.rig.known_keys import KNOWN_KEYS
 
@@ -90,9 +90,7 @@ def _also(first: str, others: list[str]) -> str:
     wrong = [key for key in dict.fromkeys(others) if key != first]
     if not wrong:
         return ''
-    named = ', '.join(wrong[:NAMED])
-    left = f' and {len(wrong) - NAMED} more' if len(wrong) > NAMED else ''
-    return f' (also wrong or missing: {named}{left})'
+    return f' (also wrong or missing: {first_of(wrong)})'
 
 
 def _shown(value: object) -> str:

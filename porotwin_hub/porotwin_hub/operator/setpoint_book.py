@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from porotwin_core.basis.errors import InputError
-from porotwin_core.rates.fixed_pauses import FixedPauses
+from porotwin_core.rates.announced_rates import safe_rates_at
 from porotwin_core.rates.rate_periods import different_wells, same_by_hand
 from porotwin_core.rates.told_rates import doubts_about, other_fluids, refuse_impossible
 from porotwin_core.rates.wells import WellRate, WellRates
@@ -36,7 +36,6 @@ class SetpointBook:
         """Begin an empty book for `rig`."""
         self._rig = rig
         self._limits = Limits.of(rig) if rig.control is not None else None
-        self._pauses = FixedPauses.of(rig)
         self.began: float | None = None
         """Start of the experiment by the clock of the photographs [s]; None: nobody told it."""
         self.ahead = 0.0
@@ -120,20 +119,17 @@ class SetpointBook:
         else:
             return None
         self._in_force = None
-        words = announce_expiry(sequence, safe, self._at_pumps, note=note, pause=not note)
+        words = announce_expiry(sequence, safe, self._at_pumps, note=note, pause=last is None)
         if safe:
             self._newest, self._at_pumps = (sequence, safe), safe
         return words
 
     def _safe(self, now: float) -> dict[str, WellRate]:
-        """Return the safe rates at `now`, with the announced pauses; empty without control.
-
-        Before the start is known, the pauses of its first minute hold, as at the pumps.
-        """
+        """Return the safe rates at `now`, with the announced pauses; empty without control."""
         if self._limits is None:
             return {}
-        elapsed = 0.0 if self.began is None else now + self.ahead - self.began
-        return dict(self._pauses.at(elapsed, self._limits.safe()))
+        elapsed = None if self.began is None else now + self.ahead - self.began
+        return dict(safe_rates_at(self._rig, elapsed))
 
     def confirmed(self, sequence: int, changed: WellRates) -> dict[str, WellRate]:
         """Return the rates that the operator set: as announced, except for the `changed` wells.
