@@ -57,7 +57,7 @@ from porotwin_recording.mcap.bag_folder import is_bag
 from porotwin_recording.tables.photos import Photo
 from porotwin_recording.tables.recorded_data import RecordedData
 from porotwin_solver.coefficients.water_contact import entering
-from porotwin_solver.effects import EFFECTS, acting, described_physics, observation_operator
+from porotwin_solver.effects import EFFECTS, described_physics, observation_operator, rig_at
 from porotwin_solver.effects.water_level import with_true_levels
 from porotwin_solver.flow.background_flux import background_flux
 from porotwin_solver.flow.water_table import TableFlow
@@ -287,14 +287,9 @@ def _uses(rig: Rig, grid: Grid, rates: WellRates) -> Iterator[Remark]:
                 return
 
 
-def _end(rig: Rig, data: RecordedData | None) -> float:
-    """Return the end of the experiment [s]; infinite where nothing tells it."""
-    return last_time(rig, data) or math.inf
-
-
 def _acting(rig: Rig, data: RecordedData | None) -> Rig:
-    """Return `rig` with the effects that begin before the end of the experiment."""
-    return rig.model_copy(update={'effects': acting(rig.effects, _end(rig, data))})
+    """Return `rig` with the effects that begin before the end of the experiment, if one is told."""
+    return rig_at(rig, last_time(rig, data) or math.inf)
 
 
 def _known(rig: Rig, data: RecordedData | None) -> Known:
@@ -380,9 +375,8 @@ def balance_of(checked: CheckedRig) -> WaterBalance | None:
         return None
     balance = water_balance(rig, checked.grid, rates.busiest)
     if balance is None:  # an effect that begins later stops a pump that rests by then
-        then = acting(rig.effects, rates.busiest_time)
-        rig = rig.model_copy(update={'effects': then})
-        balance = water_balance(rig, checked.grid, rates.busiest)
+        then = rig_at(rig, rates.busiest_time)
+        balance = water_balance(then, checked.grid, rates.busiest)
     return balance
 
 
